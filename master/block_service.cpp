@@ -23,7 +23,7 @@ Status BlockService::Answer(const std::shared_ptr<Connection>& c, const Message&
   QUARRY_ASSIGN(const BlockRequest request, DecodeBlockRequest(m.table));
   Reader& reader = ReaderOf(c);
   if (reader.owed == kMostBlockRequests)
-    return Fail(fmt::format("more than {} blocks are asked for at once", kMostBlockRequests));
+    return Fail(fmt::format("it requests more than {} blocks at once", kMostBlockRequests));
   ++reader.owed;
   const std::optional<BlockKey> block = catalog_.BlockOf(request.block);
   const uint64_t bytes = block ? catalog_.block(*block).stored : 0;

@@ -98,53 +98,52 @@ int Main(int argc, char** argv) {
   std::string listen = "127.0.0.1:9000", schedule = "footprint", foresight = "256M";
   std::string frame_memory = std::to_string(MemoryLimitBytes() / 2);
   DisplayArguments display;
-  CLI::App app{"Serves a scene's voxels, hands out tiles to workers and puts frames together.",
-               "quarry-master"};
+  CLI::App app{"Serves a scene's voxels, gives tiles to workers and assembles frames.", "quarry-master"};
   app.footer(
       "Examples:\n  quarry-master plant.quarry --listen 127.0.0.1:9000\n"
       "  quarry-master plant.quarry --listen 127.0.0.1:0 --serve-only\n"
       "  quarry-master plant.quarry --source 127.0.0.1:9001 --source 127.0.0.1:9002 --spool jobs\n"
       "  quarry-master plant.quarry --listen 0.0.0.0:9000 --secret-file quarry.secret\n"
       "  quarry-master plant.quarry --http 127.0.0.1:8080\n"
-      "With --spool, SIGTERM ends it well: finished frames are kept, and workers and clients are told.");
+      "With --spool, SIGTERM loses nothing: finished frames are kept, and workers and clients are informed.");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry-master", InstructionSets()); },
-      "Tell version, build, instruction set and libraries, and exit");
+      "Print version, build, instruction set and libraries, and exit");
   app.add_option("scene", options.scene, "The scene store: a file, or https://... or s3://BUCKET/KEY")
       ->required();
-  app.add_option("--listen", listen,
-                 "HOST:PORT (port 0 takes a free one; beyond loopback only with a secret or certificates)")
+  app.add_option(
+         "--listen", listen,
+         "HOST:PORT to listen at (port 0: a free one; beyond loopback only with a secret or certificates)")
       ->envname("QUARRY_LISTEN")
       ->capture_default_str();
-  app.add_flag("--serve-only", options.serve_only, "Serve voxels and nothing else");
+  app.add_flag("--serve-only", options.serve_only, "Only serve voxels");
   app.add_option("--source", options.sources,
-                 "Where workers get voxels; several share the load: master, HOST:PORT of one with "
+                 "Source of the workers' voxels; several share the load: master, HOST:PORT of one with "
                  "--serve-only, file:PATH, https://... (default: the scene's server, else this master)")
       ->envname("QUARRY_SOURCE");
-  app.add_option("--schedule", schedule, "Which worker gets which tile: footprint, last-owner or random")
+  app.add_option("--schedule", schedule, "How tiles are given to workers: footprint, last-owner or random")
       ->capture_default_str();
   app.add_option("--foresight", foresight,
-                 "Memory for voxels through which coarse rays foresee the blocks of tiles; 0: none")
+                 "Memory for voxels of coarse rays, which predict the blocks of tiles; 0: no prediction")
       ->capture_default_str();
   app.add_option("--frame-memory", frame_memory,
-                 "Memory for pictures being made, with all that they take until their clients have them, and "
-                 "for the jobs; a job that needs more is refused (default: half of this machine's, or of its "
-                 "cgroup's limit)")
+                 "Memory for jobs and their pictures until clients have received them; a job that needs more "
+                 "is refused (default: half of this machine's, or of its cgroup's limit)")
       ->envname("QUARRY_FRAME_MEMORY");
   app.add_option("--spool", options.spool,
-                 "Keep jobs and finished frames in this folder: started again, the master goes on with them");
+                 "Keep jobs and finished frames in this folder; a restarted master continues them");
   app.add_option("--trace", options.trace,
-                 "Write each tile's blocks and cost to this file, a JSON object a line");
+                 "Write each tile's blocks and cost to this file, one JSON object a line");
   auto* const http = app.add_option(
       "--http", display.http,
       "Show the live view at HOST:PORT (beyond loopback with --tls-cert and --tls-key); the address "
       "with its token is printed");
   app.add_option("--viewer-url", display.viewer_urls,
-                 "The address by which browsers come to --http through a proxy; several may be given")
+                 "The address at which browsers reach --http through a proxy; several may be given")
       ->needs(http);
   app.add_option(
          "--view-token-file", display.token_file,
-         "File with the live view's token, to keep it when the master starts again (default: a new one)")
+         "File with the live view's token, so that a restarted master has the same (default: a new token)")
       ->needs(http);
   app.add_option("--up-axis", display.up_axis, "The live view's up axis, y or z (default: the scene's)")
       ->check(CLI::IsMember({"y", "z"}))
@@ -153,9 +152,8 @@ int Main(int argc, char** argv) {
                  "Memory limit of all live views together; a viewer that needs more is refused")
       ->needs(http)
       ->capture_default_str();
-  app.add_option(
-         "--preparing", display.preparing,
-         "Show how far the making of the scene is instead, by this file of progress, as `quarry view` does")
+  app.add_option("--preparing", display.preparing,
+                 "Show the progress of preprocessing instead, read from this file, as `quarry view` does")
       ->needs(http);
   AddSecurityOptions(app, security);
   RemoteArguments remote;
@@ -174,6 +172,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  return quarry::RunProgram({"quarry-master", "finished frames are with whoever asked for them"}, argc, argv,
+  return quarry::RunProgram({"quarry-master", "finished frames have been sent to their clients"}, argc, argv,
                             quarry::Main);
 }

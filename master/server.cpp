@@ -227,7 +227,7 @@ void Server::OnGone(const ConnectionPtr& c, const Error& error, bool dropped) {
     return;
   }
   if (jobs_.ForgetClient(c, Now()))
-    Log(fmt::format("client {} is gone before its pictures were done: {}", c->peer(), error.message));
+    Log(fmt::format("client {} left before its pictures were done: {}", c->peer(), error.message));
   else if (!ended_well)
     Log(error.message);
   else if (was_client)
@@ -286,7 +286,7 @@ void Server::SendTile(AssignedTile& tile, FrameId oldest) {
 /// Ends well: rendered frames go to the spool first, if the disk takes them soon.
 void Server::StartLeaving() {
   constexpr double kSpoolS = 5;
-  Log("ends; its jobs and finished frames stay in the spool");
+  Log("ends; its jobs and finished frames are kept in the spool");
   leaves_ = true;
   jobs_.Rest([this] { Farewell(); });
   leaving_.Set(kSpoolS, [this] { Farewell(); });
@@ -294,7 +294,7 @@ void Server::StartLeaving() {
 
 void Server::Farewell() {
   if (std::exchange(said_farewell_, true)) return;
-  const Failure words{"it was told to end, and goes on with its jobs when it is started again"};
+  const Failure words{"it was stopped, and continues its jobs when it is started again"};
   std::vector<ConnectionPtr> peers;
   for (const auto& [id, worker] : registry_.all()) peers.push_back(worker.connection);
   for (const auto& job : jobs_.all())
@@ -322,8 +322,7 @@ void Server::Tick() {
   for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read the answers to its requests");
   for (const uint32_t id : dispatcher_.MuteWorkers()) {
     const ConnectionPtr mute = registry_.FindById(id)->connection;
-    Lose(mute, fmt::format("it has answered nothing for {:.0f} s in which it held tiles that others have "
-                           "finished",
+    Lose(mute, fmt::format("it has answered nothing for {:.0f} s, while others finished tiles that it held",
                            Responsiveness::kMuteS));
   }
   jobs_.DropAbandoned(Now());

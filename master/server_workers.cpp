@@ -11,9 +11,9 @@ namespace quarry {
 /// A set of blocks takes memory by the largest number in it.
 Status Server::CheckBlocks(const std::vector<uint32_t>& blocks) const {
   if (blocks.size() > block_bytes_.size())
-    return Fail(fmt::format("{} blocks are named: there are {}", blocks.size(), block_bytes_.size()));
+    return Fail(fmt::format("it names {} blocks, and the scene has {}", blocks.size(), block_bytes_.size()));
   for (const uint32_t block : blocks)
-    if (block >= block_bytes_.size()) return Fail(fmt::format("block {}: there is none", block));
+    if (block >= block_bytes_.size()) return Fail(fmt::format("there is no block {}", block));
   return {};
 }
 
@@ -21,7 +21,7 @@ uint32_t Server::AddWorker(const ConnectionPtr& c, const Hello& hello) {
   // The same worker on a connection that is not yet known to be lost.
   if (const WorkerRecord* old = registry_.FindInstance(hello.instance)) {
     const ConnectionPtr lost = old->connection;
-    Refuse(lost, "you are here a second time");
+    Refuse(lost, "this worker has joined again on another connection");
   }
   WorkerRecord& worker = registry_.Add(c, hello);
   dispatcher_.AddWorker(worker);
@@ -90,7 +90,7 @@ Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
   for (size_t i = 0; i < leave.frames.size(); ++i)
     dispatcher_.GiveBack(worker.id, leave.frames[i], leave.leases[i]);
   if (std::exchange(worker.ready, false)) {
-    Log(fmt::format("worker {} leaves, and gives {} tiles back", worker.name, leave.leases.size()));
+    Log(fmt::format("worker {} leaves and returns {} tiles", worker.name, leave.leases.size()));
     if (display_) display_->WorkerGone(worker.id);
     WorkersChanged();
   }

@@ -155,8 +155,8 @@ Status BuildStage::BuildVoxels() {
   progress_.End();
   if (cut_outs_.failed()) return Fail(fmt::format("{}: cannot be read", work_.spill_folder() + "/cut-outs"));
   if (writer_->voxel_count() > 0) return {};
-  return Fail(fmt::format("{}: no triangle is left: the textures of their opacity cut all {} out",
-                          options_.output, meta_.input_triangles));
+  return Fail(fmt::format("{}: no triangle is left: opacity textures cut all {} out", options_.output,
+                          meta_.input_triangles));
 }
 
 /// `dropped`: receives the transparent triangles of the region. Of a triangle in several regions, the one
@@ -281,7 +281,7 @@ Status BuildStage::Route() {
   const uint64_t triangles = scene_.triangles->count();
   // A kill may have come between a checkpoint and the Discard() after it.
   if (routed_ > 0 && routed_ < triangles) scene_.triangles->Discard(0, routed_);
-  progress_.Begin("parting triangles", "triangles", routed_);
+  progress_.Begin("dividing triangles", "triangles", routed_);
   while (routed_ < triangles) {
     const uint64_t end = std::min(routed_ + kRoutedPerCheckpoint, triangles);
     QUARRY_TRY(files_->Add(*scene_.triangles, routed_, end, meta_.padding,
@@ -299,8 +299,8 @@ Status BuildStage::Route() {
   scene_.triangles->Remove();
   CutOffEmptySpace(files_->contents(), whole_.cell, tree_);
   if (DepthOf(tree_.nodes) >= kMostLevels)
-    return Fail(fmt::format("{}: its parts lie in each other too deep for a tree of {} levels",
-                            options_.output, kMostLevels));
+    return Fail(fmt::format("{}: its parts are nested too deep for a tree of {} levels", options_.output,
+                            kMostLevels));
   return files_->FinishWriting();
 }
 

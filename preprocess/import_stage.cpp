@@ -29,7 +29,7 @@ Status ImportStage::Restore() {
   }
   if (!last) {
     if (options_.resume == PreprocessOptions::Resume::kYes)
-      progress_.Say("nothing is there to go on with: beginning anew");
+      progress_.Say("there is nothing to continue: starting from the beginning");
     return {};
   }
   ByteReader in(last->bytes);

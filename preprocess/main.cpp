@@ -119,7 +119,7 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
     Log(fmt::format("dropped: {} triangles without area, {} with coordinates that are not finite",
                     s.meta.dropped_degenerate, s.meta.dropped_not_finite));
   if (s.meta.dropped_transparent > 0)
-    Log(fmt::format("dropped: {} triangles that the textures of their opacity cut out all over",
+    Log(fmt::format("dropped: {} triangles that opacity textures cut out completely",
                     s.meta.dropped_transparent));
 }
 
@@ -127,10 +127,10 @@ void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& 
 Status ParsePlacement(const std::string& text, PreprocessOptions& options) {
   const auto wrong = [&](const char* what) { return BadUsage(fmt::format("--place {}: {}", text, what)); };
   const size_t equals = text.rfind('=');
-  if (equals == std::string::npos) return wrong("MODEL=x,y,z[,turn[,scale]] is wanted");
+  if (equals == std::string::npos) return wrong("expected MODEL=x,y,z[,turn[,scale]]");
   const std::string model = text.substr(0, equals);
   if (std::ranges::find(options.models, model) == options.models.end())
-    return wrong("the model must be one of those given, spelt alike");
+    return wrong("the model must be one of the given models, spelt the same");
   std::string list = text.substr(equals + 1);
   std::ranges::replace(list, ',', ' ');
   TextCursor cursor(list);
@@ -138,8 +138,8 @@ Status ParsePlacement(const std::string& text, PreprocessOptions& options) {
   int count = 0;
   for (; count < 5 && !cursor.AtEnd(); ++count)
     if (!ParseReal(cursor, values[count]) || !(std::abs(values[count]) < 1e15))
-      return wrong("five numbers at most are wanted");
-  if (count < 3 || !cursor.AtEnd()) return wrong("three to five numbers are wanted");
+      return wrong("expected five numbers at most");
+  if (count < 3 || !cursor.AtEnd()) return wrong("expected three to five numbers");
   if (!(values[4] > 0)) return wrong("the scale must be positive");
   options.placements[model] = {values[4], values[3], {values[0], values[1], values[2]}};
   return {};
@@ -156,9 +156,9 @@ Status ParseDeflection(std::string text, PreprocessOptions& options) {
   TextCursor cursor(list);
   double linear = 0, angle = 0;
   if (!ParseReal(cursor, linear) || !(linear > 0 && linear < 1e15))
-    return wrong("a positive distance is wanted, in the model's unit");
+    return wrong("expected a positive distance, in the model's unit");
   if (!cursor.AtEnd() && (!ParseReal(cursor, angle) || !(angle >= 1 && angle <= 90) || !cursor.AtEnd()))
-    return wrong("behind the distance an angle of 1 to 90 degrees is wanted, and nothing more");
+    return wrong("expected an angle of 1 to 90 degrees after the distance, and nothing more");
   options.linear_deflection = linear;
   options.angular_deflection = angle;
   return {};
@@ -242,7 +242,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   QUARRY_TRY(CheckOutputs(texts, options));
   if (plan) return PrintPlan(options, stats);
   if (options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
-    if (!options.quiet) Log("reading the model beforehand, to see whether the disk has room (see --plan)");
+    if (!options.quiet) Log("reading the model first, to check that the disk has room (see --plan)");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
     QUARRY_TRY(CheckRoomFor(options, needed));
   }
@@ -273,15 +273,15 @@ int Main(int argc, char** argv) {
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry-preprocess"); },
-      "Tell version, build and libraries, and exit");
+      "Print version, build and libraries, and exit");
   app.add_option("models", options.models,
-                 "Model files, packed by gzip or zstd or not; several make one scene; - is standard input")
+                 "Model files, plain or packed by gzip or zstd; several make one scene; - is standard input")
       ->required();
   app.add_option("-o,--output", options.output, "The store to write; not needed with --plan");
   app.add_flag("--force", texts.force,
                "Replace the output though it holds something else; never a model that is read");
   app.add_option("--memory", texts.memory,
-                 "Ceiling on resident memory, e.g. 512M; of Assimp's own too, which holds models whole")
+                 "Limit of resident memory, e.g. 512M; of Assimp's process too, which loads models whole")
       ->envname("QUARRY_MEMORY")
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Builder threads")
@@ -290,33 +290,35 @@ int Main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--tmp", options.tmp_folder, "Folder for spill files (default: the output's)")
       ->envname("QUARRY_TMP");
-  app.add_option("--voxel-size", texts.voxel_size, "Most bytes of a decoded voxel's hot part")
+  app.add_option("--voxel-size", texts.voxel_size, "Largest size of a decoded voxel's hot part")
       ->capture_default_str();
   app.add_option("--up-axis,--up", texts.up,
                  "The models' up axis (default: y for glTF and Assimp's formats, z for 3MF, else guessed)")
       ->check(CLI::IsMember({"y", "z"}));
   app.add_option("--crease", options.crease,
-                 "Most degrees between neighbouring triangles without normals that meet smoothly; 0: facets. "
-                 "Smoothing groups of OBJ go before")
+                 "Largest angle in degrees at which triangles without normals are smoothed; 0: facets. "
+                 "Smoothing groups of OBJ override it")
       ->check(RealNumber(0, 180))
       ->capture_default_str();
-  app.add_option("--deflection", texts.deflection,
-                 "Of STEP and IGES: LINEAR[,ANGLE], most distance of triangles from surfaces, in the file's "
-                 "unit, and degrees between neighbours (default: a 2,000th of the model's diagonal, 12)");
+  app.add_option(
+      "--deflection", texts.deflection,
+      "For STEP and IGES: LINEAR[,ANGLE], largest distance of triangles from surfaces, in the file's unit, "
+      "and largest angle between neighbours, in degrees (default: 1/2000 of the model's diagonal, 12)");
   app.add_option("--scale", options.scale, "Factor on all coordinates")
       ->check(RealNumber(1e-12, 1e12))
       ->capture_default_str();
-  app.add_option("--place", texts.places,
-                 "Puts one model elsewhere: MODEL=x,y,z[,turn[,scale]], scaled, turned by degrees about the "
-                 "up axis, moved");
+  app.add_option(
+      "--place", texts.places,
+      "Place one model by MODEL=x,y,z[,turn[,scale]]: scaled, turned by degrees about the up axis, moved");
   app.add_option("--stats", texts.stats, "Write statistics as JSON to this file");
   app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
   app.add_option("--checkpoint", options.checkpoint_seconds,
                  "Seconds of building, about, that are done again by --resume after a kill")
       ->check(RealNumber(0, 86400))
       ->capture_default_str();
-  app.add_option("--unpack-limit", texts.unpack_limit,
-                 "Most bytes that a packed model unpacks to (default: 100 times its own, at least 256M)");
+  app.add_option(
+      "--unpack-limit", texts.unpack_limit,
+      "Largest unpacked size of a packed model (default: 100 times its packed size, at least 256M)");
   app.add_flag("--resume", resume, "Continue an earlier run of the same command from its kept files");
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag(
@@ -328,7 +330,7 @@ int Main(int argc, char** argv) {
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   if (options.output.empty() && !plan) {
     Log(
-        fmt::format("quarry-preprocess: -o says which store to write, e.g. -o {}.quarry; see "
+        fmt::format("quarry-preprocess: -o must name the store to write, e.g. -o {}.quarry; see "
                     "quarry-preprocess --help",
                     std::filesystem::path(options.models[0]).stem().string()));
     return 2;
@@ -336,7 +338,7 @@ int Main(int argc, char** argv) {
   if (resume) options.resume = PreprocessOptions::Resume::kYes;
   if (resume_if_fit) {
     options.resume = PreprocessOptions::Resume::kIfFit;
-    options.goes_on = "the same command goes on";
+    options.goes_on = "the same command continues";
   }
   return ExitStatus(Run(options, texts, plan));
 }

@@ -67,7 +67,7 @@ void DropTexturesWithoutUv(ImportedScene& scene, Progress& progress) {
   if (scene.attributes >= Attributes::kUvs || scene.images.empty()) return;
   scene.images.clear();
   for (Material& material : scene.materials) material.textures.clear();
-  scene.warnings.emplace_back("no vertex has texture coordinates; the materials do without their textures");
+  scene.warnings.emplace_back("no vertex has texture coordinates; the textures of materials are left out");
   progress.Say("warning: " + scene.warnings.back());
 }
 

@@ -156,7 +156,7 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   const std::string then(AsText(checkpoints_[0].bytes));
   if (then != command)
     return tl::unexpected<Error>(
-        Error{fmt::format("{}: was begun with {}; repeat that, or begin anew without --resume", path_,
+        Error{fmt::format("{}: was begun with {}; repeat that, or start again without --resume", path_,
                           FirstDifference(then, command)),
               ErrorKind::kCannotResume});
   checkpoints_.erase(checkpoints_.begin());

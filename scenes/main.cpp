@@ -89,19 +89,21 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
       "Examples:\n"
       "  quarry-scene plant --triangles 12500000 -o plant.ply\n"
       "  quarry-scene forest --triangles 300000 --seed 7 -o forest.obj\n"
-      "Beside OUT.ply stand OUT.materials.json and OUT.path.json (a walk of 60 cameras); beside OUT.obj, "
+      "Beside OUT.ply it writes OUT.materials.json and OUT.path.json (a walk of 60 cameras); beside OUT.obj, "
       "OUT.mtl.\n"
       "The same kind, count and seed give the same bytes.\n");
   for (const std::string& kind : SceneKinds()) {
     CLI::App* scene = app.add_subcommand(kind, Describe(kind));
-    scene->add_option("--triangles", arguments.options.triangles, "How many triangles, 1000 to 1000000000")
+    scene->add_option("--triangles", arguments.options.triangles, "Number of triangles, 1000 to 1000000000")
         ->required()
         ->check(WholeNumber(kFewestTriangles, kMostTriangles));
-    scene->add_option("--seed", arguments.options.seed, "Another seed, another scene of the kind")
+    scene
+        ->add_option("--seed", arguments.options.seed,
+                     "Seed of random numbers: each gives another scene of the kind")
         ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
         ->capture_default_str();
     scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
-    scene->add_flag("--force", arguments.force, "Replace files that hold something else");
+    scene->add_flag("--force", arguments.force, "Replace files of other kinds too");
     scene->add_flag("!--no-colors", arguments.options.colors, "Positions, materials and parts only");
     scene->add_flag("--quiet", arguments.quiet, "Show no progress");
     scene->footer(fmt::format("Example: quarry-scene {0} --triangles 1000000 -o {0}.ply", kind));
@@ -130,7 +132,8 @@ int Main(int argc, char** argv) {
   CLI::App app("Writes procedural scenes of any size as PLY or OBJ files.", "quarry-scene");
   DeclareArguments(app, arguments);
   app.set_version_flag(
-      "--version", [] { return VersionText("quarry-scene"); }, "Tell version, build and libraries, and exit");
+      "--version", [] { return VersionText("quarry-scene"); },
+      "Print version, build and libraries, and exit");
   if (const auto ended = ParseCommandLine(app, argc, argv)) return *ended;
   return Run(arguments);
 }

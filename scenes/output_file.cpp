@@ -22,7 +22,7 @@ constexpr size_t kBufferBytes = 1 << 20;
 Result<std::unique_ptr<OutputFile>> OutputFile::Create(const std::string& path) {
   QUARRY_ASSIGN(OutputPlace place, PlaceOf(path));
   if (place.stream)
-    return BadUsage(fmt::format("{}: is a device or FIFO, where a regular file is to be written.", path));
+    return BadUsage(fmt::format("{}: is a device or FIFO, and the output must be a regular file.", path));
   std::string temporary = fmt::format("{}.partial-{}", place.path, getpid());
   const int descriptor = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (descriptor < 0)

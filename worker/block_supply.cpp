@@ -50,8 +50,8 @@ HttpOptions BlockSupply::HttpFor(const HttpLocation& location, const SupplyOptio
   HttpOptions http = OptionsFor(location, options.http, options.header_servers);
   if (http.headers.empty() && !http.aws)
     options.log(
-        fmt::format("{} is named by the master alone, and gets no headers or signatures; "
-                    "--http-header-host {} sends them",
+        fmt::format("{} is named only by the master, and gets no headers or signatures; --http-header-host "
+                    "{} allows them",
                     location.text(), location.authority()));
   return http;
 }

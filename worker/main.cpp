@@ -97,30 +97,29 @@ int Main(int argc, char** argv) {
       "  quarry-worker --master 10.0.0.1:9000 --secret-file quarry.secret --source "
       "http://10.0.0.9/plant.quarry "
       "--disk-cache /var/tmp/quarry:20G\n"
-      "SIGTERM makes it leave: tiles not begun go back, those begun are finished for up to a second.\n"
+      "SIGTERM makes it leave: it returns tiles not begun, and finishes begun tiles for up to a second.\n"
       "QUARRY_ISA=scalar|avx2|avx512 in the environment narrows the instruction sets used; pixels are the "
       "same.");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry-worker", InstructionSets()); },
-      "Tell version, build, instruction set and libraries, and exit");
+      "Print version, build, instruction set and libraries, and exit");
   app.add_option("--master", texts.master, "The master's HOST:PORT")->required()->envname("QUARRY_MASTER");
-  app.add_option("--cache", texts.cache, "Most bytes of voxels held, decoded and stored")
+  app.add_option("--cache", texts.cache, "Memory for voxels, decoded and stored")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
-  app.add_flag("--pretouch", options.pretouch,
-               "Get the cache's memory from the system before anything else: for virtual machines, whose "
-               "host may take "
-               "long to give it");
+  app.add_flag(
+      "--pretouch", options.pretouch,
+      "Allocate the cache's memory at the start: for virtual machines whose host is slow to provide it");
   app.add_option("--threads", options.threads, "Compute threads")
       ->envname("QUARRY_THREADS")
       ->check(WholeNumber(1, 1024))
       ->capture_default_str();
   app.add_option("--name", options.name, "Name in the master's log and statistics (default: HOST-PID)");
   app.add_option("--previous-end", options.previous_end,
-                 "How the worker ended that this one replaces, for the live view")
+                 "The end of the worker that this one replaces, for the live view")
       ->group("");
   app.add_option("--source", options.sources,
-                 "Where voxels come from, instead of the master's sources; several share the load: master, "
+                 "Source of voxels, instead of the master's sources; several share the load: master, "
                  "HOST:PORT, file:PATH, http://..., https://... or s3://BUCKET/KEY")
       ->envname("QUARRY_SOURCE");
   app.add_option("--disk-cache", texts.disk_cache,
@@ -128,9 +127,9 @@ int Main(int argc, char** argv) {
       ->envname("QUARRY_DISK_CACHE");
   app.add_option(
       "--http-header-file", texts.http_header_file,
-      "Lines 'Name: value' to be sent to HTTP servers that --source names; readable by its owner alone");
+      "File of lines 'Name: value' to send to HTTP servers that --source names; only its owner may read it");
   app.add_option("--http-header-host", texts.header_hosts,
-                 "Send them, and signatures, also to HOST or HOST:PORT when the master alone names it");
+                 "Send headers and signatures also to HOST or HOST:PORT, when only the master names it");
   app.add_option(
       "--http-aws", texts.aws,
       "Sign requests to HTTP servers for S3: a JSON file of credentials, or env for AWS_* variables or the "
@@ -142,15 +141,14 @@ int Main(int argc, char** argv) {
          "--peers", options.peers,
          "Serve voxels to other workers at HOST:PORT; auto: at the address that reaches the master; off")
       ->capture_default_str();
-  app.add_option("--retry", options.retry_s,
-                 "Seconds for which a master or a voxel out of reach is tried again")
+  app.add_option("--retry", options.retry_s, "Seconds to retry a master or a voxel out of reach")
       ->check(RealNumber(0, 1e6))
       ->capture_default_str();
   auto* const metrics = app.add_option(
       "--metrics", texts.metrics,
       "Serve metrics for Prometheus at HOST:PORT (beyond loopback with --tls-cert and --tls-key)");
   app.add_option("--metrics-token-file", texts.metrics_token_file,
-                 "File with the token that readers of metrics from other machines show")
+                 "File with the token that other machines need to read metrics")
       ->needs(metrics);
   AddSecurityOptions(app, texts.security);
   app.add_flag("--quiet", options.quiet, "Print errors only");
@@ -162,5 +160,6 @@ int Main(int argc, char** argv) {
 }  // namespace quarry
 
 int main(int argc, char** argv) {
-  return quarry::RunProgram({"quarry-worker", "its tiles go to other workers"}, argc, argv, quarry::Main);
+  return quarry::RunProgram({"quarry-worker", "its tiles are given to other workers"}, argc, argv,
+                            quarry::Main);
 }

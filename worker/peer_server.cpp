@@ -57,8 +57,8 @@ void PeerServer::OnMessage(const std::shared_ptr<Connection>& c, const Message& 
     bytes_served_ += bytes->size();
     return c->Send({MessageType::kBlock, m.request, {}, *bytes});
   }
-  c->Send(MakeMessage(MessageType::kFailure,
-                      Failure{"this worker does not have the block, or too much to send"}, m.request));
+  c->Send(MakeMessage(MessageType::kFailure, Failure{"this worker does not have the block, or is too busy"},
+                      m.request));
 }
 
 uint64_t PeerServer::QueuedBytes() const {

@@ -108,7 +108,7 @@ void Session::OnLost(const Error& error) {
   connection_.reset();
   if (std::exchange(welcomed_, false)) {
     lost_since_ = Clock::now();
-    Log(fmt::format("lost the master, trying for {:.0f} s: {}", options_.retry_s, error.message));
+    Log(fmt::format("lost the master, retrying for {:.0f} s: {}", options_.retry_s, error.message));
   }
   if (scene_) {
     scene_->renderer->DropViews(0, ~uint64_t{0});
@@ -249,7 +249,7 @@ Status Session::MakeRenderer(LoadedScene& scene) {
 }
 
 Status Session::OnPeers(const Message& m) {
-  if (!scene_) return Fail("the master named other workers before it gave the scene");
+  if (!scene_) return Fail("the master named other workers before it sent the scene");
   QUARRY_ASSIGN(Peers peers, DecodePeers(m.table));
   for (size_t i = 0; i < peers.workers.size(); ++i)
     if (peers.workers[i] == worker_) {
@@ -262,7 +262,7 @@ Status Session::OnPeers(const Message& m) {
 }
 
 Status Session::OnFrameSetup(const Message& m) {
-  if (!scene_) return Fail("the master set up a frame before it gave the scene");
+  if (!scene_) return Fail("the master set up a frame before it sent the scene");
   QUARRY_ASSIGN(const FrameSetup setup, DecodeFrameSetup(m.table));
   scene_->renderer->DropViews(0, setup.oldest);
   scene_->renderer->SetView(setup.frame, setup.view);
@@ -270,7 +270,7 @@ Status Session::OnFrameSetup(const Message& m) {
 }
 
 Status Session::OnFramesEnd(const Message& m) {
-  if (!scene_) return Fail("the master ended frames before it gave the scene");
+  if (!scene_) return Fail("the master ended frames before it sent the scene");
   QUARRY_ASSIGN(const FramesEnd end, DecodeFramesEnd(m.table));
   for (const uint64_t frame : end.frames)
     if (frame < Renderer::kFirstOwnView) scene_->renderer->DropViews(frame, frame + 1);
@@ -278,7 +278,7 @@ Status Session::OnFramesEnd(const Message& m) {
 }
 
 Status Session::OnTile(const Message& m) {
-  if (!scene_) return Fail("the master gave a tile before it gave the scene");
+  if (!scene_) return Fail("the master sent a tile before the scene");
   QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
   if (leaves_) {
     GiveBack(order);
@@ -302,7 +302,7 @@ Status Session::OnTile(const Message& m) {
 }
 
 Status Session::OnRay(const Message& m) {
-  if (!scene_) return Fail("the master gave a ray before it gave the scene");
+  if (!scene_) return Fail("the master sent a ray before the scene");
   QUARRY_ASSIGN(const RayOrder order, DecodeRayOrder(m.table));
   if (leaves_) return {};  // the master gives it to another worker
   QUARRY_TRY(scene_->renderer->Order(

@@ -96,7 +96,7 @@ Status InputFile::ReadAt(uint64_t offset, std::span<std::byte> out) const {
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return Fail(fmt::format("{}: cannot read at byte {}: {}", path_, offset, ErrnoText(errno)));
     if (n == 0)
-      return Fail(fmt::format("{}: truncated: {} bytes wanted at byte {}, the file ends at {}", path_,
+      return Fail(fmt::format("{}: truncated: {} bytes are needed at byte {}, and the file ends at {}", path_,
                               out.size(), offset, offset + done));
     done += static_cast<size_t>(n);
   }
@@ -146,15 +146,15 @@ Result<OutputFile> OutputFile::Create(const std::string& path) {
 Result<OutputFile> OutputFile::Continue(const std::string& path, std::string temporary, uint64_t size) {
   QUARRY_ASSIGN(const OutputPlace place, PlaceOf(path));
   if (place.stream)
-    return BadUsage(fmt::format("{}: is a device or FIFO, and a regular file is to be written", path));
+    return BadUsage(fmt::format("{}: is a device or FIFO, and the output must be a regular file", path));
   const int fd = ::open(temporary.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
   if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", temporary, ErrnoText(errno)));
   OutputFile file(place.path, std::move(temporary), fd, true);
   struct stat info {};
   const auto end = static_cast<off_t>(size);
   if (::fstat(fd, &info) != 0 || info.st_size < end)
-    return Fail(
-        fmt::format("{}: is shorter than when it was left; begin anew without --resume", file.temporary_));
+    return Fail(fmt::format("{}: is shorter than the earlier run left it; start again without --resume",
+                            file.temporary_));
   if (::ftruncate(fd, end) != 0 || ::lseek(fd, end, SEEK_SET) != end)
     return Fail(fmt::format("{}: cannot write: {}", file.temporary_, ErrnoText(errno)));
   file.size_ = size;
@@ -193,7 +193,8 @@ Status OutputFile::Write(std::span<const std::byte> bytes) {
 }
 
 Status OutputFile::WriteAt(uint64_t offset, std::span<const std::byte> bytes) {
-  if (stream()) return Fail(fmt::format("{}: cannot write: a device or FIFO has no places", path_));
+  if (stream())
+    return Fail(fmt::format("{}: cannot write: a device or FIFO is written in order only", path_));
   QUARRY_TRY(Flush());
   return WriteAll(fd_, path_, reinterpret_cast<const char*>(bytes.data()), bytes.size(),
                   static_cast<int64_t>(offset));

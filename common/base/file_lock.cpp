@@ -39,8 +39,8 @@ Result<std::optional<FileLock>> FileLock::TryTake(const std::string& path) {
       if (S_ISREG(locked.st_mode) && locked.st_size == 0) return std::optional(FileLock(std::move(name), fd));
       ::close(fd);  // releases the lock; the file belongs to someone else
       return BadUsage(
-          fmt::format("{}: is there and is no lock of Quarry's, which would take its place; name "
-                      "another output, or remove it first",
+          fmt::format("{}: exists and is not a lock file of Quarry, which needs this name; name another "
+                      "output, or remove it first",
                       name));
     }
     ::close(fd);

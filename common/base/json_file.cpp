@@ -87,7 +87,7 @@ class Builder : public nlohmann::json_sax<Json> {
   template <class Value>
   Json* Add(Value&& value) {
     if (++values_ > limits_.values) {
-      wrong = fmt::format("holds more than {} values, which is the most that is read", limits_.values);
+      wrong = fmt::format("holds more than {} values, the most that is read", limits_.values);
       return nullptr;
     }
     if (open_.empty()) {
@@ -100,8 +100,7 @@ class Builder : public nlohmann::json_sax<Json> {
       return &parent.back();
     }
     if (parent.size() >= limits_.members) {
-      wrong = fmt::format("holds an object of more than {} members, which is the most that is read",
-                          limits_.members);
+      wrong = fmt::format("holds an object of more than {} members, the most that is read", limits_.members);
       return nullptr;
     }
     Json& place = parent[open_.back().member];
@@ -111,8 +110,7 @@ class Builder : public nlohmann::json_sax<Json> {
 
   bool Open(Json&& container) {
     if (open_.size() >= limits_.depth) {
-      wrong = fmt::format("holds values in one another deeper than {}, which is the most that is read",
-                          limits_.depth);
+      wrong = fmt::format("holds values nested deeper than {}, the most that is read", limits_.depth);
       return false;
     }
     Json* const place = Add(std::move(container));
@@ -170,7 +168,7 @@ tl::unexpected<Error> JsonValue::Wrong(const std::string& what) const {
 }
 
 Result<std::optional<JsonValue>> JsonValue::Optional(const char* name) const {
-  if (!value_->is_object()) return Wrong("is no object, which should be here");
+  if (!value_->is_object()) return Wrong("must be an object");
   const auto found = value_->find(name);
   if (found == value_->end()) return std::optional<JsonValue>();
   return std::optional<JsonValue>(JsonValue(*found, *file_, Below(key_, name)));
@@ -183,7 +181,7 @@ Result<JsonValue> JsonValue::Member(const char* name) const {
 }
 
 Status JsonValue::HasOnly(std::initializer_list<const char*> names) const {
-  if (!value_->is_object()) return Wrong("is no object, which should be here");
+  if (!value_->is_object()) return Wrong("must be an object");
   for (const auto& [key, value] : value_->items())
     if (std::ranges::find(names, std::string_view(key)) == names.end())
       return Wrong(fmt::format("'{}' is not known; there are {}", key, fmt::join(names, ", ")));
@@ -191,17 +189,17 @@ Status JsonValue::HasOnly(std::initializer_list<const char*> names) const {
 }
 
 Result<bool> JsonValue::Flag() const {
-  if (!value_->is_boolean()) return Wrong("is neither true nor false");
+  if (!value_->is_boolean()) return Wrong("must be true or false");
   return value_->get<bool>();
 }
 
 Result<uint64_t> JsonValue::Whole() const {
-  if (!value_->is_number_unsigned()) return Wrong("is no whole number of at least 0, which should be here");
+  if (!value_->is_number_unsigned()) return Wrong("must be a whole number of at least 0");
   return value_->get<uint64_t>();
 }
 
 Result<std::vector<JsonValue>> JsonValue::List() const {
-  if (!value_->is_array()) return Wrong("is no list, which should be here");
+  if (!value_->is_array()) return Wrong("must be a list");
   std::vector<JsonValue> list;
   for (size_t i = 0; i < value_->size(); ++i)
     list.emplace_back((*value_)[i], *file_, fmt::format("{}[{}]", key_, i));
@@ -209,7 +207,7 @@ Result<std::vector<JsonValue>> JsonValue::List() const {
 }
 
 Result<double> JsonValue::Number() const {
-  if (!value_->is_number()) return Wrong("is no number, which should be here");
+  if (!value_->is_number()) return Wrong("must be a number");
   return value_->get<double>();
 }
 
@@ -227,7 +225,7 @@ Status JsonValue::Numbers(std::span<double> out, double least, double most) cons
                               : above        ? fmt::format(" of at least {:.3g}", least)
                               : below        ? fmt::format(" of at most {:.3g}", most)
                                              : "";
-    return Wrong(fmt::format("{} numbers{} should be here, like [{}{}]", count, range, example,
+    return Wrong(fmt::format("must be {} numbers{}, like [{}{}]", count, range, example,
                              out.size() > 4 ? ", ..." : ""));
   };
   if (!value_->is_array() || value_->size() != out.size()) return wrong();
@@ -241,7 +239,7 @@ Status JsonValue::Numbers(std::span<double> out, double least, double most) cons
 }
 
 Result<std::string> JsonValue::Text() const {
-  if (!value_->is_string()) return Wrong("is no text, which should be here");
+  if (!value_->is_string()) return Wrong("must be a text");
   return value_->get<std::string>();
 }
 

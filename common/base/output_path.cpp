@@ -160,14 +160,14 @@ Status CheckNotRead(const std::string& path) {
   if (claims.empty()) return {};
   const Claim* const claim = FindClaim(path);
   if (!claim || !claim->read) return {};
-  return BadUsage(fmt::format("{}: is read in this run, and would be replaced; name another file", path));
+  return BadUsage(fmt::format("{}: is an input of this run and would be replaced; name another file", path));
 }
 
 const OutputKind kPngOutput{"a PNG image", IsPng, true};
 const OutputKind kExrOutput{"an EXR image", IsExr, true};
-const OutputKind kStatisticsOutput{"a file of Quarry's statistics", IsStatistics, true};
-const OutputKind kViewOutput{"a view of Quarry's", IsView, true};
-const OutputKind kTraceOutput{"a trace of Quarry's tiles", IsTrace, true};
+const OutputKind kStatisticsOutput{"a statistics file of Quarry", IsStatistics, true};
+const OutputKind kViewOutput{"a view file of Quarry", IsView, true};
+const OutputKind kTraceOutput{"a tile trace of Quarry", IsTrace, true};
 const OutputKind kFiguresOutput{"a JSON file of figures", IsFigures, true};
 
 Result<OutputPlace> PlaceOf(const std::string& path) {
@@ -181,8 +181,8 @@ Result<OutputPlace> PlaceOf(const std::string& path) {
   if (S_ISREG(info.st_mode)) return Followed(path);
   if (S_ISCHR(info.st_mode) || S_ISFIFO(info.st_mode)) return OutputPlace{path, true};
   if (S_ISDIR(info.st_mode))
-    return BadUsage(fmt::format("{}: is a folder, and a file is to be written; name a file in it", path));
-  return BadUsage(fmt::format("{}: is a disk or a socket, and a file is to be written; name another", path));
+    return BadUsage(fmt::format("{}: is a folder, and the output is a file; name a file in it", path));
+  return BadUsage(fmt::format("{}: is a disk or a socket, and the output is a file; name another", path));
 }
 
 std::string BesidePath(const std::string& path, std::string_view suffix) {
@@ -208,12 +208,12 @@ Result<OutputPlace> OutputGuard::Take(const std::string& path, const OutputKind&
   if (::stat(path.c_str(), &info) == 0 && S_ISREG(info.st_mode))
     for (const Known& input : inputs_)
       if (input.device == info.st_dev && input.inode == info.st_ino)
-        return BadUsage(fmt::format("{}: is read in this run ({}), and would be replaced; name another file",
-                                    path, input.path));
+        return BadUsage(fmt::format(
+            "{}: is an input of this run ({}) and would be replaced; name another file", path, input.path));
   if (place.stream) {
     if (kind.streams) return place;
-    return BadUsage(fmt::format("{}: is a device or FIFO, and {} is written to a regular file; name one",
-                                path, kind.name));
+    return BadUsage(
+        fmt::format("{}: is a device or FIFO, and {} needs a regular file; name one", path, kind.name));
   }
   std::string spelling = OneSpelling(place.path);
   for (const auto& [other, other_spelling] : outputs_)
@@ -227,16 +227,16 @@ Result<OutputPlace> OutputGuard::Take(const std::string& path, const OutputKind&
     if (found.regular) ClaimFile(place.path);
     return place;
   }
-  return BadUsage(
-      fmt::format("{}: is there already and is not {}, so it is not replaced; name another file{}", path,
-                  kind.name, force_ == Force::kNo ? ", or give --force" : ", or remove it first"));
+  return BadUsage(fmt::format("{}: exists and is not {}, so it is not replaced; name another file{}", path,
+                              kind.name,
+                              force_ == Force::kNo ? ", or give --force" : ", or remove it first"));
 }
 
 Status OutputGuard::TakeFolder(const std::string& path) {
   struct stat info {};
   if (path.empty()) return BadUsage("a folder to write to has no name; give one");
   if (::stat(path.c_str(), &info) == 0 && !S_ISDIR(info.st_mode))
-    return BadUsage(fmt::format("{}: is there and is no folder; name another", path));
+    return BadUsage(fmt::format("{}: exists and is not a folder; name another", path));
   return {};
 }
 

@@ -51,7 +51,7 @@ inline tl::unexpected<Error> BadUsage(std::string message) {
 /// Work of an earlier run that does not fit. `reason`: a sentence without its end, to which the remedy is
 /// added.
 inline tl::unexpected<Error> CannotResume(const std::string& reason) {
-  return tl::unexpected<Error>(Error{reason + "; begin anew without --resume", ErrorKind::kCannotResume});
+  return tl::unexpected<Error>(Error{reason + "; start again without --resume", ErrorKind::kCannotResume});
 }
 
 /// The text of an errno value: "No space left on device".

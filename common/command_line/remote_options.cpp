@@ -5,8 +5,9 @@
 namespace quarry {
 
 void AddRemoteOptions(CLI::App& command, RemoteArguments& arguments) {
-  command.add_option("--http-header-file", arguments.header_file,
-                     "Lines 'Name: value' to be sent to a store's HTTP server; readable by its owner alone");
+  command.add_option(
+      "--http-header-file", arguments.header_file,
+      "File of lines 'Name: value' to send to a store's HTTP server; only its owner may read it");
   command.add_option("--http-aws", arguments.aws,
                      "Sign requests to a store's server for S3: a JSON file of credentials, or env for AWS_* "
                      "variables or the profile in ~/.aws (default for s3:// where there are any)");

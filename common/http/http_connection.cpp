@@ -114,10 +114,10 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
       return Refuse({405, "text/plain; charset=utf-8", "GET and HEAD only\n", {{"Allow", "GET, HEAD"}}});
     HttpRequest head;
     if (!parser_->is_done())
-      return Refuse({400, "text/plain; charset=utf-8", "a request with a body is not taken\n", {}});
+      return Refuse({400, "text/plain; charset=utf-8", "requests with a body are not accepted\n", {}});
     const beast::string_view target = request.target();
     if (!SplitTarget({target.data(), target.size()}, head))
-      return Refuse({400, "text/plain; charset=utf-8", "a request names a path that begins with '/'\n", {}});
+      return Refuse({400, "text/plain; charset=utf-8", "the path of a request must begin with '/'\n", {}});
     head.method = ToString(request.method_string());
     for (const auto& field : request)
       head.headers.emplace_back(LowerCase(ToString(field.name_string())), ToString(field.value()));
@@ -132,7 +132,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
   void Upgrade(HttpRequest head) {
     // Frames before the answer would be lost, because the WebSocket starts with an empty buffer.
     if (buffer_.size() > 0)
-      return Refuse({400, "text/plain; charset=utf-8", "a WebSocket begins after the answer\n", {}});
+      return Refuse({400, "text/plain; charset=utf-8", "a WebSocket may send only after the answer\n", {}});
     HttpResponse answer = service_->handlers.may_upgrade(head);
     if (closed_) return;
     if (answer.status != 101) return Answer(std::move(answer), parser_->keep_alive());

@@ -62,7 +62,7 @@ class TcpHttpServer final : public HttpServer {
     });
     const size_t most = service_->options.most_connections;
     if (service_->connections.size() < most) return true;
-    SayOnce(fmt::format("has {} connections, as many as it takes; closes idle ones for others", most));
+    SayOnce(fmt::format("has {} connections, its limit; idle ones are closed for new ones", most));
     return DropIdle();
   }
 

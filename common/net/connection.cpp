@@ -100,10 +100,11 @@ class TcpListener final : public Listener {
     size_t newcomers = 0;
     for (const auto& weak : connections_) newcomers += weak.lock()->newcomer();
     if (newcomers >= kMaxNewcomers)
-      MostIdle()->Drop(fmt::format("is dropped: {} others wait to be greeted", kMaxNewcomers), false);
+      MostIdle()->Drop(fmt::format("is dropped: {} other connections have sent no greeting", kMaxNewcomers),
+                       false);
     Forget();
     if (connections_.size() < options_.most_connections) return connections_.size() < before;
-    SayOnce(fmt::format("has {} connections, as many as it takes; drops idle ones for others",
+    SayOnce(fmt::format("has {} connections, its limit; idle ones are dropped for new ones",
                         options_.most_connections));
     if (const ConnectionPtr idle = MostIdle())
       idle->Drop(fmt::format("is dropped: {} others are connected", options_.most_connections), false);

@@ -18,7 +18,7 @@ bool IncomingBudget::Take(AcceptedConnection& connection, uint64_t bytes) {
     if (most == held_.end() || most->first == &connection || most->second <= wanted) return false;
     auto* other = const_cast<AcceptedConnection*>(most->first);
     GiveBack(*other);
-    other->Drop(fmt::format("is dropped: half-read messages take more than {} together", FormatSize(most_)),
+    other->Drop(fmt::format("is dropped: incomplete messages take more than {} together", FormatSize(most_)),
                 false);
   }
   held_[&connection] = wanted;

@@ -32,9 +32,9 @@ constexpr unsigned char kCipherId[2] = {0x13, 0x01};
 
 constexpr SecurityOptionName kNames[] = {
     {&SecurityOptions::secret_file, "--secret-file", "QUARRY_SECRET_FILE",
-     "TLS by a secret that all programs share: the file that holds it"},
+     "TLS by a shared secret: the file that holds it"},
     {&SecurityOptions::tls_cert, "--tls-cert", "QUARRY_TLS_CERT",
-     "TLS by certificates: this program's own (PEM)"},
+     "TLS by certificates: this program's certificate (PEM)"},
     {&SecurityOptions::tls_key, "--tls-key", "QUARRY_TLS_KEY", "The private key of --tls-cert (PEM)"},
     {&SecurityOptions::tls_ca, "--tls-ca", "QUARRY_TLS_CA",
      "The authority that signed the other side's certificate (PEM)"},
@@ -132,7 +132,8 @@ Status CheckReadable(const std::string& path, bool key) {
   ::close(fd);
   if (!regular) return BadUsage(fmt::format("{}: is not a regular file", path));
   if (key && OthersMayUse(path, info.st_mode))
-    return BadUsage(fmt::format("{}: others than its owner may use this private key; chmod 600 it", path));
+    return BadUsage(
+        fmt::format("{}: users other than its owner may use this private key; chmod 600 it", path));
   if (key && StrangerOwns(info)) return BadUsage(StrangerSentence(path, info));
   return {};
 }
@@ -152,8 +153,8 @@ Status CheckTogether(const SecurityOptions& o, bool server) {
              authority = !o.tls_ca.empty();
   if (secret && (certificate || key || authority))
     return BadUsage(
-        "--secret-file and certificates (--tls-cert, --tls-key, --tls-ca) are two ways to the same "
-        "end; give one of them");
+        "--secret-file and certificates (--tls-cert, --tls-key, --tls-ca) cannot be used together; give one "
+        "of them");
   if (certificate != key)
     return BadUsage("--tls-cert and --tls-key go together: a certificate and its private key");
   if (certificate && !authority)
@@ -227,7 +228,7 @@ Result<Bytes> ReadSecret(const std::string& path) {
   struct stat info {};
   if (::fstat(fd, &info) != 0) return BadUsage(fmt::format("{}: cannot examine: {}", path, ErrnoText(errno)));
   if (OthersMayUse(path, info.st_mode))
-    return BadUsage(fmt::format("{}: others than its owner may read this secret; chmod 600 it", path));
+    return BadUsage(fmt::format("{}: users other than its owner may read this secret; chmod 600 it", path));
   if (StrangerOwns(info)) return BadUsage(StrangerSentence(path, info));
   Bytes secret(kMostSecret + 1);
   secret.resize(std::fread(secret.data(), 1, secret.size(), file));
@@ -352,9 +353,8 @@ std::string Security::ExplainToClient(ssl_st* connection, uint64_t code) const {
     return "does not speak TLS 1.3";
   if (proof_ == Proof::kSecret) {
     if (reason == SSL_R_CERTIFICATE_VERIFY_FAILED)
-      return "shows a certificate instead of knowing the secret; give --tls-ca, --tls-cert and --tls-key as "
-             "it "
-             "wants";
+      return "uses certificates instead of a secret; give --tls-ca, and --tls-cert and --tls-key if it "
+             "requires them";
     if (alert >= 0) return "does not take this side's secret; give both the same --secret-file";
     return {};
   }

@@ -207,7 +207,7 @@ class StreamConnection final : public PeerRecord {
     const auto rate_time = std::chrono::seconds(
         (uint64_t{incoming_header_.table_bytes} + incoming_header_.raw_bytes) / kLeastBytesPerS);
     if (reading_message_ && now - message_since_ > kMessageTime + rate_time)
-      return Drop("is dropped: a message of its has stayed half-read for too long", false);
+      return Drop("is dropped: one of its messages stayed incomplete for too long", false);
     if (now - heard_ > kIdleTime)
       return Drop(fmt::format("is dropped: idle for {} seconds", kIdleTime.count()), false);
     const uint64_t taken = taken_bytes();
@@ -372,7 +372,7 @@ class StreamConnection final : public PeerRecord {
       const auto header = DecodeFrameHeader(self->header_, self->speaker_);
       if (!header) return self->Drop(fmt::format("cannot be understood: {}", header.error().message), false);
       if (header->raw_bytes > self->most_raw_bytes_)
-        return self->Drop("cannot be understood: received a message larger than was asked for", false);
+        return self->Drop("cannot be understood: received a message larger than requested", false);
       self->incoming_ = {header->type, header->request, {}, {}};
       self->incoming_header_ = *header;
       self->have_ = 0;
@@ -417,7 +417,7 @@ class StreamConnection final : public PeerRecord {
     const size_t size = std::min(whole, part.size() + step);
     if (budget_ && !budget_->Take(*this, size - part.size())) {
       incoming_ = {};
-      Drop("is dropped: half-read messages of all connections take too much memory", false);
+      Drop("is dropped: incomplete messages of all connections take too much memory", false);
       return false;
     }
     // Reserved pages cost no memory until they are written, and reserving avoids copies later.

@@ -40,13 +40,13 @@ std::string ExceptionText(bool& known) {
     if (e.code() == std::errc::resource_unavailable_try_again)
       return "the system refuses another thread (ulimit -u, ulimit -v, or pids.max of a cgroup)";
     known = false;
-    return fmt::format("ended by an error that nothing expected: {}", e.what());
+    return fmt::format("ended by an unexpected error: {}", e.what());
   } catch (const std::exception& e) {
     known = false;
-    return fmt::format("ended by an error that nothing expected: {}", e.what());
+    return fmt::format("ended by an unexpected error: {}", e.what());
   } catch (...) {
     known = false;
-    return "ended by an error that nothing expected";
+    return "ended by an unexpected error";
   }
 }
 

@@ -173,7 +173,7 @@ Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
   QUARRY_ASSIGN(m.job, ReadJob(*w->job(), table.size()));
   m.have = w->have();
   if (m.have > m.job.cameras.size())
-    return Fail("received a request that has more frames already than its job has");
+    return Fail("received a request that claims more frames than its job has");
   return m;
 }
 
@@ -181,7 +181,7 @@ Result<Query> DecodeQuery(std::span<const std::byte> table) {
   const auto* w = Root<wire::Query>(table);
   if (!w) return NotWellFormed();
   Query m{Legible(w->topic())};
-  if (m.topic != kSceneTopic && m.topic != kStatusTopic) return Fail("received a question that is not known");
+  if (m.topic != kSceneTopic && m.topic != kStatusTopic) return Fail("received an unknown question");
   return m;
 }
 
@@ -216,7 +216,7 @@ Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table) {
   const size_t blocks = SizeOf(w->blocks());
   if (w->form() > static_cast<uint8_t>(PixelForm::kShown) || w->urgency() >= kUrgencies ||
       blocks > kMaxTileHints || SizeOf(w->holders()) != blocks)
-    return Fail("received a tile that cannot be");
+    return Fail("received an invalid tile");
   TileOrder m{w->frame(), w->tile(), w->lease()};
   m.area.pixels = {w->x(), w->y(), w->width(), w->height()};
   m.area.step = w->step();
@@ -250,10 +250,10 @@ Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   if (!w) return NotWellFormed();
   constexpr size_t kCells = kTileSize / kDepthCell;  // other tiles than jobs' and meters' have none
   if (SizeOf(w->blocks()) > kMaxTileBlocks || SizeOf(w->depths()) > kCells * kCells)
-    return Fail("received a tile's result that cannot be");
+    return Fail("received an invalid result of a tile");
   std::vector<float> depths = Copy(w->depths());
   if (!std::ranges::all_of(depths, [](float depth) { return depth >= 0; }))
-    return Fail("received a tile's result that cannot be");
+    return Fail("received an invalid result of a tile");
   return TileDone{w->frame(),          w->tile(),       w->lease(),        w->rays(),
                   w->rays_suspended(), w->compute_us(), std::move(depths), Copy(w->blocks())};
 }

@@ -49,11 +49,11 @@ std::string_view AdviceFor(unsigned status, std::string_view code) {
       {"ExpiredToken", "the credentials have expired; get new ones"},
       {"ExpiredTokenException", "the credentials have expired; get new ones"},
       {"TokenRefreshRequired", "the credentials have expired; get new ones"},
-      {"InvalidToken", "the session's token is not right"},
+      {"InvalidToken", "the session token is wrong"},
       {"InvalidAccessKeyId", "the server does not know this access key"},
-      {"SignatureDoesNotMatch", "the secret key, or the region, is not the right one"},
-      {"AuthorizationHeaderMalformed", "the region is not the right one; AWS_REGION names it"},
-      {"PermanentRedirect", "the bucket is in another region; AWS_REGION names it"},
+      {"SignatureDoesNotMatch", "the secret key or the region is wrong"},
+      {"AuthorizationHeaderMalformed", "the region is wrong; set AWS_REGION"},
+      {"PermanentRedirect", "the bucket is in another region; set AWS_REGION"},
       {"RequestTimeTooSkewed", "this machine's clock is wrong"},
       {"RequestExpired", "the signed address has expired; get a new one"},
       {"NoSuchBucket", "there is no such bucket"},
@@ -62,8 +62,8 @@ std::string_view AdviceFor(unsigned status, std::string_view code) {
   for (const Known& known : kKnown)
     if (known.code == code) return known.advice;
   if (status == 416) return "the file is shorter than the scene's store";
-  if (status == 401 || status == 403) return "credentials are missing, or are not the right ones";
-  if (status == 407) return "the proxy wants a user and password: http://USER:PASSWORD@HOST:PORT";
+  if (status == 401 || status == 403) return "credentials are missing or wrong";
+  if (status == 407) return "the proxy requires a user and password: http://USER:PASSWORD@HOST:PORT";
   if (IsRedirection(status)) return "it does not say where the file is";
   return {};
 }
@@ -107,7 +107,7 @@ Result<HttpLocation> RedirectedTo(const HttpLocation& from, std::string_view tar
     return tl::unexpected<Error>(Error{std::move(why), ErrorKind::kPermanent});
   };
   std::string address(target.substr(0, target.find('#')));
-  if (address.empty()) return refuse("sends elsewhere, and does not say where");
+  if (address.empty()) return refuse("redirects without an address");
   if (address.starts_with("//")) {
     address = (from.tls ? "https:" : "http:") + address;
   } else if (address.starts_with('/') || address.starts_with('?') ||
@@ -118,10 +118,10 @@ Result<HttpLocation> RedirectedTo(const HttpLocation& from, std::string_view tar
                                                           : path.substr(0, path.rfind('/') + 1);
     address = fmt::format("{}://{}{}{}", from.tls ? "https" : "http", from.authority(), before, address);
   }
-  Result<HttpLocation> location = ParseHttpLocation(address, "the address that it sends to");
+  Result<HttpLocation> location = ParseHttpLocation(address, "the address that it redirects to");
   if (!location) return refuse(location.error().message);
   if (from.tls && !location->tls)
-    return refuse(fmt::format("sends from https to {}, where others could read along", location->text()));
+    return refuse(fmt::format("redirects from https to {}, which others could read", location->text()));
   return location;
 }
 

@@ -262,7 +262,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
     if (!certificate) return Fail("no TLS: " + error.message());
     const bool other = verified == X509_V_ERR_HOSTNAME_MISMATCH || verified == X509_V_ERR_IP_ADDRESS_MISMATCH;
     Fail(other ? fmt::format("its certificate is not for {}", location_.host)
-               : fmt::format("its certificate is not believed: {} ({})",
+               : fmt::format("its certificate is not trusted: {} ({})",
                              X509_verify_cert_error_string(verified), AuthorityAdvice(pool_->options)),
          true);
   }
@@ -344,7 +344,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
 
   void Redirected(std::string_view target) {
     if (job_.redirections == kMostRedirections)
-      return Fail(fmt::format("sends elsewhere more than {} times", kMostRedirections), true);
+      return Fail(fmt::format("redirects more than {} times", kMostRedirections), true);
     auto to = RedirectedTo(location_, target);
     if (to && to->tls) {
       if (const Status ready = pool_->PrepareTls(); !ready) to = tl::unexpected<Error>(ready.error());
@@ -461,8 +461,8 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
     if (gone && !begun) return Fail("closes the connection without an answer");
     if (gone || error == http::error::partial_message) return Fail("breaks off in the middle of a transfer");
     if (error == http::error::body_limit || error == http::error::buffer_overflow)
-      return Fail("sends more than was asked for");
-    if (error == http::error::header_limit) return Fail("sends a head of more than 8 KiB");
+      return Fail("sends more than requested");
+    if (error == http::error::header_limit) return Fail("sends headers of more than 8 KiB");
     if (error.category() == http::make_error_code(http::error::bad_version).category())
       return Fail(fmt::format("does not speak HTTP ({})", error.message()));
     Fail(error.message());
@@ -474,7 +474,7 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
     const Done done = std::move(job_.done);
     std::string sent;
     if (Elsewhere()) {
-      sent = fmt::format("sends to {}, which ", location_.text());
+      sent = fmt::format("redirects to {}, which ", location_.text());
       pool->where = pool->location;  // asked again, it may send to another place
     }
     Close();

@@ -35,7 +35,7 @@ Result<HttpHeader> ParseHeader(std::string_view line, const std::string& where) 
   if (colon == std::string_view::npos || name.empty() || !std::ranges::all_of(name, IsTokenCharacter))
     return BadUsage(fmt::format("{}: is not \"Name: value\"", where));
   if (std::ranges::find(kOwnHeaders, Lower(name)) != std::end(kOwnHeaders))
-    return BadUsage(fmt::format("{}: requests have their own {}; take the line out", where, name));
+    return BadUsage(fmt::format("{}: requests set {} themselves; remove the line", where, name));
   const std::string_view value = Trimmed(line.substr(colon + 1));
   const bool clean =
       std::ranges::all_of(value, [](char c) { return c == '\t' || c == ' ' || IsPrintable(c); });
@@ -50,7 +50,7 @@ Status CheckCredentials(const AwsCredentials& c, const std::string& source, cons
   for (int i = 0; i < 4; ++i) {
     if (values[i]->empty() && i < 3)
       return BadUsage(
-          fmt::format("{}: {} is missing, and requests cannot be signed without", source, names[i]));
+          fmt::format("{}: {} is missing, and requests cannot be signed without it", source, names[i]));
     if (!std::ranges::all_of(*values[i], IsPrintable))
       return BadUsage(fmt::format("{}: {} has a character that is not printable ASCII", source, names[i]));
   }
@@ -111,11 +111,11 @@ Result<HttpLocation> ParseHttpLocation(const std::string& url, const std::string
   const size_t path = std::min(rest.find_first_of("/?#"), rest.size());
   const std::string_view authority = rest.substr(0, path);
   if (authority.find('@') != std::string_view::npos)
-    return refuse("a user or password in the address is not taken: give a header");
-  if (!ParseAuthority(authority, location)) return refuse("the address has no host, or a port that is none");
+    return refuse("a user or password in the address is not accepted: give a header");
+  if (!ParseAuthority(authority, location)) return refuse("the address has no host, or an invalid port");
   location.target = rest.substr(path);
   if (!location.target.starts_with('/')) return refuse("the address has no path");
-  if (location.target.find('#') != std::string::npos) return refuse("an address with # is not a file's");
+  if (location.target.find('#') != std::string::npos) return refuse("the address of a file cannot contain #");
   if (!std::ranges::all_of(location.target, IsPrintable))
     return refuse("spaces, control and non-ASCII characters of the path have to be percent-encoded");
   return location;
@@ -184,14 +184,13 @@ Result<AwsCredentials> AwsCredentialsFromEnvironment() {
   QUARRY_ASSIGN(const AwsProfile profile, ReadAwsProfile());
   if (profile.access_key.empty() && !profile.other_means.empty())
     return BadUsage(fmt::format(
-        "the profile {} gets its keys by {}, which is not done here; put them into variables: eval \"$(aws "
+        "the profile {} gets its keys by {}, which is not supported; put them into variables: eval \"$(aws "
         "configure export-credentials --profile {} --format env)\"",
         profile.name, profile.other_means, profile.name));
   if (profile.access_key.empty() && profile.secret_key.empty())
     return BadUsage(
         "no credentials: AWS_ACCESS_KEY_ID is missing, and ~/.aws has none of the profile; requests cannot "
-        "be "
-        "signed without");
+        "be signed without them");
   AwsCredentials c{std::move(region), profile.access_key, profile.secret_key, profile.session_token};
   QUARRY_TRY(CheckCredentials(c, fmt::format("the profile {} of ~/.aws", profile.name),
                               {"region", "aws_access_key_id", "aws_secret_access_key", "aws_session_token"}));

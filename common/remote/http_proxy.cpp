@@ -67,7 +67,7 @@ Result<HttpProxy> ParseProxy(std::string_view text, const char* variable) {
     return BadUsage(fmt::format("{}: {} (give http://HOST:PORT, or unset it)", variable, why));
   };
   if (const size_t scheme = text.find("://"); scheme != std::string_view::npos) {
-    if (Lower(text.substr(0, scheme)) != "http") return refuse("only proxies that speak HTTP are used");
+    if (Lower(text.substr(0, scheme)) != "http") return refuse("only HTTP proxies are supported");
     text.remove_prefix(scheme + 3);
   }
   HttpProxy proxy;
@@ -77,7 +77,7 @@ Result<HttpProxy> ParseProxy(std::string_view text, const char* variable) {
     text.remove_prefix(at + 1);
   }
   const auto authority = ParseHttpAuthority(std::string(text), variable);
-  if (!authority) return refuse("is no address of a proxy");
+  if (!authority) return refuse("is not the address of a proxy");
   proxy.host = authority->host;
   if (authority->port != 0) proxy.port = authority->port;
   return proxy;

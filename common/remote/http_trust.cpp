@@ -45,8 +45,8 @@ Status UseAuthorities(ssl_ctx_st* context, const HttpOptions& options) {
 
 std::string AuthorityAdvice(const HttpOptions& options) {
   return options.ca_option.empty()
-             ? "SSL_CERT_FILE names a file of authorities to believe"
-             : options.ca_option + " or SSL_CERT_FILE names a file of authorities to believe";
+             ? "SSL_CERT_FILE names a file of authorities to trust"
+             : options.ca_option + " or SSL_CERT_FILE names a file of authorities to trust";
 }
 
 }  // namespace quarry

@@ -63,7 +63,7 @@ struct RemoteFile::Impl {
       QUARRY_ASSIGN(const HttpRangeClient::Reply reply, AskAgain(offset, piece));
       if (reply.file_size != 0 && reply.file_size != size)
         return tl::unexpected<Error>(
-            Error{fmt::format("{}: the file there has {} bytes, and had {} when it was opened", name,
+            Error{fmt::format("{}: the file has {} bytes now, and had {} when it was opened", name,
                               reply.file_size, size),
                   ErrorKind::kPermanent});
       std::ranges::copy(reply.bytes, out.begin());
@@ -90,7 +90,7 @@ Result<std::unique_ptr<RandomAccessFile>> RemoteFile::Open(const HttpLocation& l
   auto impl = std::make_unique<Impl>(location, options);
   QUARRY_ASSIGN(const HttpRangeClient::Reply first, impl->AskAgain(0, 1));
   if (first.file_size == 0)
-    return Fail(fmt::format("{}: the server does not tell the file's size", impl->name));
+    return Fail(fmt::format("{}: the server does not state the file's size", impl->name));
   impl->size = first.file_size;
   Bytes head(std::min(kHeadBytes, impl->size));
   QUARRY_TRY(impl->Read(0, head));

@@ -56,8 +56,7 @@ Result<std::string> ReadSecretFile(const std::string& path) {
   const RegularFile file(path);
   if (!file.fault().empty()) return BadUsage(file.fault());
   if ((file.info().st_mode & 077) != 0)
-    return BadUsage(
-        fmt::format("{}: others than its owner may read it, and it holds a secret; do chmod 600", path));
+    return BadUsage(fmt::format("{}: users other than its owner may read this secret; chmod 600 it", path));
   if (StrangerOwns(file.info())) return BadUsage(StrangerSentence(path, file.info()));
   return file.Read(path);
 }

@@ -214,7 +214,7 @@ Result<std::vector<MaterialLibrary::Image>> ReadImages(const Json& json, const s
   const auto found = json.find("textures");
   if (found == json.end()) return images;
   const auto wrong = [&](size_t i, const std::string& member) {
-    return Fail(fmt::format("{}: {}[{}]{}{} cannot be; correct it, or leave it out.", path,
+    return Fail(fmt::format("{}: {}[{}]{}{} is invalid; correct it, or leave it out.", path,
                             Where(index, "textures"), i, member.empty() ? "" : ".", member));
   };
   if (!found->is_array())
@@ -228,7 +228,7 @@ Result<std::vector<MaterialLibrary::Image>> ReadImages(const Json& json, const s
   std::ranges::stable_sort(images, {}, use_of);
   const auto twice = std::ranges::adjacent_find(images, {}, use_of);
   if (twice != images.end())
-    return Fail(fmt::format("{}: {} has two of one use.", path, Where(index, "textures")));
+    return Fail(fmt::format("{}: {} has two textures of one use.", path, Where(index, "textures")));
   return images;
 }
 

@@ -11,7 +11,7 @@ Status CheckRay(const RayQuery& ray) {
   const glm::dvec3 &o = ray.origin, &d = ray.direction;
   const double length = glm::length(d);
   if (!std::isfinite(o.x) || !std::isfinite(o.y) || !std::isfinite(o.z) || !std::isfinite(length))
-    return BadUsage("a ray has a coordinate that is no number");
+    return BadUsage("a ray has a coordinate that is not a number");
   if (glm::any(glm::greaterThan(glm::abs(o), glm::dvec3(kFarthestOrigin))))
     return BadUsage("a ray begins too far from the scene");
   if (!(length > 0)) return BadUsage("a ray has no direction");

@@ -49,7 +49,7 @@ Status ReadCameras(const JsonValue& json, std::vector<NamedCamera>& cameras) {
     QUARRY_ASSIGN(const JsonValue name, each.Member("name"));
     QUARRY_ASSIGN(camera.name, name.Text());
     QUARRY_TRY(ReadCamera(each, camera.spec));
-    if (!IsSane(camera.spec)) return each.Wrong("is a camera that cannot be");
+    if (!IsSane(camera.spec)) return each.Wrong("is an invalid camera");
     cameras.push_back(std::move(camera));
   }
   return {};
@@ -61,7 +61,7 @@ Result<NamedLight> ReadNamedLight(const JsonValue& json) {
   QUARRY_ASSIGN(light.name, name.Text());
   QUARRY_ASSIGN(const JsonValue type, json.Member("type"));
   QUARRY_ASSIGN(const std::string kind, type.Text());
-  if (kind != "sun" && kind != "spot" && kind != "point") return type.Wrong("is no kind of light");
+  if (kind != "sun" && kind != "spot" && kind != "point") return type.Wrong("is not a kind of light");
   light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
   if (kind != "sun") QUARRY_TRY(ReadTriple(json, "position", light.position));
   if (kind != "point") QUARRY_TRY(ReadTriple(json, "direction", light.direction));
@@ -73,7 +73,7 @@ Result<NamedLight> ReadNamedLight(const JsonValue& json) {
     light.cos_inner = static_cast<float>(cosines[0]);
     light.cos_outer = static_cast<float>(cosines[1]);
   }
-  if (!IsSane(light)) return json.Wrong("is a light that cannot be");
+  if (!IsSane(light)) return json.Wrong("is an invalid light");
   return light;
 }
 
@@ -114,7 +114,7 @@ Status ReadFraming(const JsonValue& json, const glm::dvec3& offset, Framing& fra
     QUARRY_ASSIGN(const JsonValue distance, json.Member("inside_distance"));
     QUARRY_ASSIGN(framing.inside_distance, distance.Number());
     if (!(framing.inside_distance >= 0 && framing.inside_distance <= kMost))
-      return distance.Wrong("is no distance");
+      return distance.Wrong("is not a distance");
   }
   if (framing.interior && !framing.inside) return json.Wrong("is an interior without a place inside");
   return {};

@@ -21,7 +21,7 @@ bool Nonnegative(const V& v) {
 
 Status CheckCamera(const CameraSpec& c) {
   if (!Finite(c.eye) || !Finite(c.at) || !Finite(c.up))
-    return BadUsage("the camera has a coordinate that is no number");
+    return BadUsage("the camera has a coordinate that is not a number");
   const glm::dvec3 view = c.at - c.eye;
   const glm::dvec3 side{view.y * c.up.z - view.z * c.up.y, view.z * c.up.x - view.x * c.up.z,
                         view.x * c.up.y - view.y * c.up.x};
@@ -49,20 +49,20 @@ Status NormalizeView(View& view) {
   if (view.crop.height == 0 || view.crop.x >= view.width || view.crop.y >= view.height ||
       view.crop.width > view.width - view.crop.x || view.crop.height > view.height - view.crop.y)
     return BadUsage("--crop must lie within the image");
-  if (static_cast<uint8_t>(view.mode) >= kRenderModes) return BadUsage("that mode is not known");
+  if (static_cast<uint8_t>(view.mode) >= kRenderModes) return BadUsage("the mode is unknown");
   if (view.spp == 0 || view.spp > kMaxSpp)
     return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
-  if (view.up_axis > 2) return BadUsage("that up axis is not known");
+  if (view.up_axis > 2) return BadUsage("the up axis is unknown");
   if (view.ao_samples == 0 || view.ao_samples > kMaxAoSamples)
     return BadUsage(fmt::format("--ao-samples must lie between 1 and {}", kMaxAoSamples));
   if (!std::isfinite(view.ao_distance) || view.ao_distance < 0)
     return BadUsage("--ao-distance must be a positive length");
-  if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was asked for");
+  if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
   for (Light& light : view.lights) {
     if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
         !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset))
-      return BadUsage("a light has a value that cannot be");
+      return BadUsage("a light has an invalid value");
     if (light.kind != LightKind::kSun) continue;
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +
                                    light.vector.z * light.vector.z);

@@ -93,7 +93,7 @@ Status ReadCrop(const JsonValue& value, View& view) {
 Status ReadMode(const JsonValue& value, View& view) {
   QUARRY_ASSIGN(const std::string name, value.Text());
   const std::optional<RenderMode> mode = FindRenderMode(name);
-  if (!mode) return value.Wrong("is no mode");
+  if (!mode) return value.Wrong("is not a mode");
   view.mode = *mode;
   return {};
 }
@@ -106,7 +106,7 @@ Status ReadLayers(const JsonValue& value, View& view) {
     uint32_t bit = 0;
     for (uint32_t a = 0; a < kAovs; ++a)
       if (name == kAovInfo[a].name) bit = 1u << a;
-    if (bit == 0) return element.Wrong("is no layer");
+    if (bit == 0) return element.Wrong("is not a layer");
     view.aov_mask |= bit;
   }
   return {};
@@ -148,7 +148,7 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
 Status ReadUpAxis(const JsonValue& value, uint32_t& axis) {
   QUARRY_ASSIGN(const std::string name, value.Text());
   const char letter = name.size() == 1 ? name[0] : ' ';
-  if (letter != 'y' && letter != 'z') return value.Wrong("is neither y nor z");
+  if (letter != 'y' && letter != 'z') return value.Wrong("must be y or z");
   axis = letter == 'y' ? 1 : 2;
   return {};
 }
@@ -175,7 +175,7 @@ Status ReadCamera(const JsonValue& object, CameraSpec& camera) {
 Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
   QUARRY_ASSIGN(const JsonValue type, object.Member("type"));
   QUARRY_ASSIGN(const std::string kind, type.Text());
-  if (kind != "sun" && kind != "point") return type.Wrong("is neither sun nor point");
+  if (kind != "sun" && kind != "point") return type.Wrong("must be sun or point");
   Light light;
   light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
   QUARRY_ASSIGN(const JsonValue place, object.Member(kind == "sun" ? "direction" : "position"));

@@ -109,7 +109,7 @@ Status BlockDecoder::Impl::Decompress(std::span<const std::byte> stored, size_t 
   const int got = LZ4_decompress_safe(reinterpret_cast<const char*>(packed.data()),
                                       reinterpret_cast<char*>(streams.data()),
                                       static_cast<int>(packed.size()), static_cast<int>(size));
-  if (got < 0 || static_cast<size_t>(got) != size) return Fail("voxel block: LZ4 finds no such bytes in it");
+  if (got < 0 || static_cast<size_t>(got) != size) return Fail("voxel block: LZ4 cannot decompress it");
   return {};
 }
 
@@ -205,7 +205,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   ReadPlanes<uint16_t>(cut.Next(size_t{counts.triangles} * 2), {materials, counts.triangles});
   ReadPlanes<uint32_t>(cut.Next(counts.masks() * 4), {masks, counts.masks()});
   if (!std::all_of(masks, masks + counts.masks(), IsMask))
-    return Fail("voxel block: an opacity mask holds a state that cannot be");
+    return Fail("voxel block: an opacity mask holds an invalid state");
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
     return Fail("voxel block: a reference goes beyond the triangles");

@@ -56,7 +56,7 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
   if (!in.ok() || bytes.size() != kMetaBytes) return Fail("the META section has the wrong size");
   if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.padding < 0 ||
       m.up_axis > 2 || m.largest_decoded > kMaxBlockBytes)
-    return Fail("the META section holds values that cannot be");
+    return Fail("the META section holds invalid values");
   return m;
 }
 
@@ -113,14 +113,14 @@ Status CheckVoxel(const VoxelEntry& v, size_t index, size_t count, const SceneMe
     if (b.decoded > meta.largest_decoded || b.stored > meta.largest_stored ||
         b.stored > MostStored(b.decoded) || (b.stored == 0) != (b.decoded == 0) ||
         b.offset > uint64_t{1} << 62)
-      return Fail(fmt::format("the VDIR section's voxel {} has a size or place that cannot be", index));
+      return Fail(fmt::format("the VDIR section's voxel {} has an invalid size or place", index));
   if (v.blocks[0].stored == 0) return Fail(fmt::format("the VDIR section's voxel {} is empty", index));
   if (v.next_in_chain != kNoIndex && (v.next_in_chain != index + 1 || v.next_in_chain >= count))
-    return Fail(fmt::format("the VDIR section's voxel {} continues in a voxel that cannot be", index));
+    return Fail(fmt::format("the VDIR section's voxel {} continues in an invalid voxel", index));
   for (int a = 0; a < 3; ++a)
     if (!(v.bounds_lower[a] <= v.bounds_upper[a]) || !(v.bounds_lower[a] >= meta.root_lower[a]) ||
         !(v.bounds_upper[a] <= meta.root_upper[a]))
-      return Fail(fmt::format("the VDIR section's voxel {} lies where it cannot", index));
+      return Fail(fmt::format("the VDIR section's voxel {} lies at an invalid place", index));
   return {};
 }
 
@@ -167,7 +167,7 @@ Status DecodeMaterials(std::span<const std::byte> bytes, Catalog& catalog) {
     in.Get<uint32_t>();  // offset of the name in STRS
     catalog.materials[i] = GetMaterial(in);
     if (!in.ok() || !IsSane(catalog.materials[i]))
-      return Fail(fmt::format("the MATL section's material {} holds values that cannot be", i));
+      return Fail(fmt::format("the MATL section's material {} holds invalid values", i));
   }
   return {};
 }
@@ -186,7 +186,7 @@ Status DecodeTexturing(const std::vector<SectionView>& sections, const TexturePl
       catalog.meta.largest_stored = std::max(catalog.meta.largest_stored, page.stored);
     }
   }
-  if (catalog.block_numbers() > UINT32_MAX) return Fail("the scene has more blocks than there may be");
+  if (catalog.block_numbers() > UINT32_MAX) return Fail("the scene has too many blocks");
   const SectionView* uses = Find(sections, SectionType::kMaterialTextures);
   if (!uses) return {};
   QUARRY_ASSIGN(const auto bindings,
@@ -233,11 +233,11 @@ std::string FormatSceneId(const SceneId& id) {
 
 Result<SceneId> ParseSceneId(std::string_view text) {
   SceneId id{};
-  if (text.size() != 2 * id.size()) return Fail(fmt::format("'{}' is no scene id", text));
+  if (text.size() != 2 * id.size()) return Fail(fmt::format("'{}' is not a scene id", text));
   for (size_t i = 0; i < id.size(); ++i) {
     const auto [end, error] = std::from_chars(text.data() + 2 * i, text.data() + 2 * i + 2, id[i], 16);
     if (error != std::errc() || end != text.data() + 2 * i + 2)
-      return Fail(fmt::format("'{}' is no scene id", text));
+      return Fail(fmt::format("'{}' is not a scene id", text));
   }
   return id;
 }

@@ -40,7 +40,7 @@ class NameBudget {
 
   Result<std::string> Take(Result<std::string> name) {
     if (name && name->size() > left_)
-      return Fail(fmt::format("{}: its entries name more than the names that it has; make the store again",
+      return Fail(fmt::format("{}: its entries refer to more names than it has; make the store again",
                               store_.path()));
     if (name) left_ -= name->size();
     return name;

@@ -38,7 +38,7 @@ uint64_t StoreHeader::table_bytes() const { return sections * kSectionEntryBytes
 
 Result<StoreHeader> DecodeStoreHeader(std::span<const std::byte> bytes, const std::string& name) {
   if (AsText(bytes).substr(0, kStoreMagic.size()) != kStoreMagic)
-    return Refuse("{}: not a Quarry scene store; quarry-preprocess makes one of a model", name);
+    return Refuse("{}: not a Quarry scene store; quarry-preprocess makes one from a model", name);
   if (bytes.size() < kStoreHeaderBytes) return Refuse("{}: not a Quarry scene store (too short)", name);
   ByteReader in(bytes.first(kStoreHeaderBytes).subspan(kStoreMagic.size()));
   StoreHeader header;
@@ -58,7 +58,7 @@ Result<StoreHeader> DecodeStoreHeader(std::span<const std::byte> bytes, const st
         name, version, kStoreVersion);
   if (header.sections > kMaxSections || table_offset != kStoreHeaderBytes ||
       table_offset + header.table_bytes() > header.file_size)
-    return Refuse("{}: the header's section table cannot be", name);
+    return Refuse("{}: the header's section table is invalid", name);
   return header;
 }
 
@@ -88,20 +88,19 @@ Status CheckSameStore(const StoreHeader& header, std::span<const std::byte> tabl
   if (!there)
     return Refuse(
         "{}: serves the same scene compressed in another way, so that its blocks lie elsewhere; put the "
-        "very store there that is rendered",
+        "rendered store itself there",
         name);
   return {};
 }
 
 std::string WrongSizeText(const std::string& name, uint64_t bytes, uint64_t expected) {
   if (bytes > expected)
-    return fmt::format("{}: has {} bytes behind the end of its store; fetch it, or make it, again", name,
+    return fmt::format("{}: has {} bytes behind the end of its store; fetch or make it again", name,
                        bytes - expected);
   const std::string here = FormatSize(bytes), whole = FormatSize(expected);
   return here == whole
-             ? fmt::format("{}: incomplete: {} of {} bytes; fetch it, or make it, again", name, bytes,
-                           expected)
-             : fmt::format("{}: incomplete: {} of {}; fetch it, or make it, again", name, here, whole);
+             ? fmt::format("{}: incomplete: {} of {} bytes; fetch or make it again", name, bytes, expected)
+             : fmt::format("{}: incomplete: {} of {}; fetch or make it again", name, here, whole);
 }
 
 }  // namespace quarry

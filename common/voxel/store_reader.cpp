@@ -83,7 +83,7 @@ Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& ent
   for (size_t end = 0; (end = text.find('\0')) != std::string_view::npos; text.remove_prefix(end + 1))
     models.names.emplace_back(text.substr(0, end));
   if (!in.ok() || !text.empty() || models.names.size() != std::min<size_t>(models.count, kMostModelNames))
-    return Damaged(path, entry, "another number of names than it says");
+    return Damaged(path, entry, "another number of names than it states");
   return models;
 }
 
@@ -91,7 +91,7 @@ Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& ent
 Status CheckBounds(const VoxelGeometry& geometry, const VoxelEntry& entry) {
   const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});
   if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
-  return Fail("its triangles lie elsewhere than the VDIR section says");
+  return Fail("its triangles lie elsewhere than the VDIR section states");
 }
 
 }  // namespace
@@ -184,8 +184,8 @@ Result<std::vector<SectionEntry>> StoreReader::ReadTable(std::span<const std::by
       return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(e.type)));
     end = e.offset + e.size;
     if (!known && (e.flags & kSectionCritical))
-      return Fail(
-          fmt::format("{}: needs a newer program: section {} is not known here", path(), TypeName(e.type)));
+      return Fail(fmt::format("{}: needs a newer program: section {} is unknown to this one", path(),
+                              TypeName(e.type)));
     if (known && e.size > known->most)
       return Fail(
           fmt::format("{}: section {} claims {} bytes, more than the {} that it may have; make the "

@@ -189,7 +189,7 @@ Status DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t
   const size_t size = size_t{shape.TexelsOf(page)} * layout.texel_bytes();
   QUARRY_CHECK_EQ(texels.size(), size);
   ByteReader in(stored);
-  if (in.Get<uint32_t>() != size) return Fail("texture page: other than as many bytes as its texels take");
+  if (in.Get<uint32_t>() != size) return Fail("texture page: another number of bytes than its texels take");
   const auto packed = in.GetSpan(in.remaining());
   Bytes streams(size);
   if (packed.size() == size) {
@@ -198,8 +198,7 @@ Status DecodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t
     const int got = LZ4_decompress_safe(
         reinterpret_cast<const char*>(packed.data()), reinterpret_cast<char*>(streams.data()),
         static_cast<int>(std::min<size_t>(packed.size(), 1u << 30)), static_cast<int>(size));
-    if (got < 0 || static_cast<size_t>(got) != size)
-      return Fail("texture page: LZ4 finds no such bytes in it");
+    if (got < 0 || static_cast<size_t>(got) != size) return Fail("texture page: LZ4 cannot decompress it");
   }
   const std::vector<Block> blocks = BlocksOf(shape, page);
   if (layout.format == TexelFormat::kHalf)

@@ -21,7 +21,7 @@ void PutFacts(const TexelLayout& layout, ByteWriter& out) {
 Status CheckPage(const BlockEntry& page, uint64_t decoded, uint64_t begin, uint64_t end) {
   if (page.decoded != decoded || page.stored == 0 || page.stored > decoded + kMostStoredOverStreams ||
       page.offset < begin || page.offset > end || page.stored > end - page.offset)
-    return Fail("a page of a size or in a place that cannot be");
+    return Fail("a page of an invalid size or place");
   return {};
 }
 
@@ -126,7 +126,7 @@ Result<std::vector<Texture>> DecodeTextures(std::span<const std::byte> bytes, ui
       return Fail(fmt::format("the TEXD section's texture {} has {}", i, sane.error().message));
     pages += TextureShape(layout.width, layout.height).pages();
   }
-  if (pages > kMaxPages) return Fail("the TEXD section has more pages than there may be");
+  if (pages > kMaxPages) return Fail("the TEXD section has too many pages");
   for (size_t i = 0; i < count; ++i)
     if (const Status read = ReadPages(in, textures[i], begin, end); !read)
       return Fail(fmt::format("the TEXD section's texture {} has {}", i, read.error().message));
@@ -148,7 +148,7 @@ Result<std::vector<MaterialTexture>> DecodeMaterialTextures(std::span<const std:
     const TextureBinding& b = uses[i].binding;
     const uint64_t order = uint64_t{uses[i].material} << 32 | static_cast<uint32_t>(b.use);
     if (uses[i].material >= materials || b.texture >= textures || !Sane(b) || (i != 0 && order <= before))
-      return Fail(fmt::format("the MTEX section's entry {} cannot be", i));
+      return Fail(fmt::format("the MTEX section's entry {} is invalid", i));
     before = order;
   }
   return uses;

@@ -10,7 +10,7 @@ Status CheckTexelLayout(const TexelLayout& layout) {
   if (layout.width == 0 || layout.height == 0 || layout.width > kMaxTextureSide ||
       layout.height > kMaxTextureSide || layout.channels == 0 || layout.channels > 4 ||
       static_cast<uint32_t>(layout.format) >= kTexelFormats)
-    return Fail("a size or kind of texels that cannot be");
+    return Fail("an invalid size or kind of texels");
   return {};
 }
 

@@ -145,7 +145,7 @@ Status TreeReader::Read(std::span<const std::byte> symbols, std::span<const std:
   }
   if (p.symbol != symbols_.size()) return Fail("voxel block: nodes beyond the tree");
   if (p.slot != slots.size()) return Fail(kNotSoManySlots);
-  if (p.references != references) return Fail("voxel block: leaves have not the references there are");
+  if (p.references != references) return Fail("voxel block: leaves do not have all references");
   return {};
 }
 

@@ -53,7 +53,7 @@ Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes,
     for (glm::dvec3* v : {&camera.spec.eye, &camera.spec.at, &camera.spec.up}) *v = in.GetVec3<glm::dvec3>();
     camera.spec.fov_degrees = in.Get<double>();
     camera.spec.ortho_height = in.Get<double>();
-    if (!IsSane(camera.spec)) return Fail(fmt::format("the CAMS section's camera {} cannot be", i));
+    if (!IsSane(camera.spec)) return Fail(fmt::format("the CAMS section's camera {} is invalid", i));
   }
   return cameras;
 }
@@ -74,7 +74,7 @@ Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, c
     light.cos_inner = in.Get<float>();
     light.cos_outer = in.Get<float>();
     if (kind > static_cast<uint32_t>(LightKind::kPoint) || !IsSane(light))
-      return Fail(fmt::format("the LITE section's light {} cannot be", i));
+      return Fail(fmt::format("the LITE section's light {} is invalid", i));
   }
   return lights;
 }

@@ -161,16 +161,16 @@ Result<ViewerUrl> ParseViewerUrl(const std::string& text) {
   std::string_view rest = text;
   const auto https = TakeScheme(rest);
   if (!https) return refuse("does not begin with http:// or https://");
-  if (rest.find_first_of("?#") != std::string_view::npos) return refuse("has a '?' or '#'");
+  if (rest.find_first_of("?#") != std::string_view::npos) return refuse("contains '?' or '#'");
   const auto visible = [](char c) {
     return c > ' ' && c < 0x7f && std::string_view("\"<>\\^`{|}").find(c) == std::string_view::npos;
   };
   if (!std::all_of(rest.begin(), rest.end(), visible))
-    return refuse("has a character that addresses do not have");
+    return refuse("contains a character that is not allowed in addresses");
   const size_t slash = std::min(rest.find('/'), rest.size());
-  if (rest.substr(0, slash).find('@') != std::string_view::npos) return refuse("has a user's name");
+  if (rest.substr(0, slash).find('@') != std::string_view::npos) return refuse("contains a user name");
   const auto authority = ParseAuthority(rest.substr(0, slash));
-  if (!authority) return refuse("has no host, or a port that is none");
+  if (!authority) return refuse("has no host, or an invalid port");
   ViewerUrl url{*https, authority->host, PortOf(*authority, *https), std::string(rest.substr(slash))};
   if (url.path.empty() || url.path.back() != '/') url.path += '/';
   return url;

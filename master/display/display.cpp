@@ -114,7 +114,7 @@ void Display::WorkerGone(uint32_t id, const std::string& lost) {
   lost_ = lost;
   if (dispatcher_.has_workers()) {
     failure_.clear();
-    if (!lost.empty()) Notify(lost + " The others go on.");
+    if (!lost.empty()) Notify(lost + " The other workers continue.");
   }
   SendState();
   AssignSoon();
@@ -204,7 +204,7 @@ HttpResponse Display::MayUpgrade(const HttpRequest& request) {
 HttpResponse Display::MayOpen(const HttpRequest& request) const {
   if (NameOfPage(request.path) != "live") return Refused(404, "there is no such WebSocket");
   if (!access_.HostPermitted(request) || !access_.OriginPermitted(request))
-    return Refused(403, "The live view does not know the address of this page; --viewer-url permits it.");
+    return Refused(403, "The address of this page is not allowed; add it with --viewer-url.");
   if (!access_.HasSession(request)) return Refused(403, "The session's cookie is missing.");
   return {.status = 101};
 }
@@ -212,12 +212,13 @@ HttpResponse Display::MayOpen(const HttpRequest& request) const {
 void Display::OnSocket(std::shared_ptr<WebSocket> socket) {
   if (viewers_.size() >= kMostViewers) {  // by a text, since a page cannot read a refusal of a WebSocket
     socket->SendText(ordered_json{
-        {"type", "error"}, {"message", fmt::format("There are {} viewers, as many as may be.", kMostViewers)}}
+        {"type", "error"},
+        {"message", fmt::format("There are already {} viewers, the most allowed.", kMostViewers)}}
                          .dump());
     return socket->Close();
   }
   const uint32_t id = next_viewer_++;
-  log_(fmt::format("viewer {} has come from {}", id, socket->peer()));
+  log_(fmt::format("viewer {} has connected from {}", id, socket->peer()));
   const auto viewer =
       std::make_shared<Viewer>(site_, id, std::move(socket), [this, id](const std::string& why) {
         log_(fmt::format("viewer {} is gone: {}", id, why));
@@ -267,8 +268,8 @@ void Display::SendState() {
   const std::string message = works               ? ""
                               : !failure_.empty() ? failure_
                               : !lost_.empty()
-                                  ? lost_ + " The picture goes on when a worker joins."
-                                  : "No worker is connected. The picture goes on when one joins.";
+                                  ? lost_ + " The picture continues when a worker joins."
+                                  : "No worker is connected. The picture continues when one joins.";
   std::string json = ordered_json{{"type", "state"}, {"state", state}, {"message", message}}.dump(
       -1, ' ', false, ordered_json::error_handler_t::replace);
   if (json == state_) return;

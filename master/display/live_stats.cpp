@@ -24,7 +24,7 @@ LiveStats::LiveStats(const SceneId& scene)
     : scene_(FormatSceneId(scene)), registry_(std::make_shared<prometheus::Registry>()) {
   durations_ = &prometheus::BuildHistogram()
                     .Name("quarry_frame_duration_seconds")
-                    .Help("Tracing of frames that somebody watches, from the first tile to the last")
+                    .Help("Time to trace a watched frame, from the first tile to the last")
                     .Register(*registry_)
                     .Add({}, kBounds);
 }

@@ -63,7 +63,7 @@ std::optional<HttpResponse> AnswerForAll(const HttpRequest& request, const Acces
   const std::string name = NameOfPage(request.path);
   if (name == "style.css" || name == "icon.svg") return Page(name);
   if (name.empty() || name.ends_with(".html")) return Page("foreign.html", 403);
-  return Refused(403, "this address is not one of the live view's; --viewer-url permits it");
+  return Refused(403, "this address is not allowed; add it with --viewer-url");
 }
 
 HttpResponse PageFor(const HttpRequest& request, const Access& access, const std::string& start) {

@@ -53,7 +53,7 @@ class SavedPicture final : public Connection {
       news.file = site_.Keep(std::move(message.raw));
     } else {
       const auto failure = DecodeFailure(message.table);
-      news.failure = failure ? failure->message : "the master ends";
+      news.failure = failure ? failure->message : "the master is shutting down";
     }
     std::exchange(on_news_, nullptr)(news);
   }
@@ -95,7 +95,7 @@ std::string SavedPictures::Keep(Bytes image) {
 HttpResponse SavedPictures::Fetch(const std::string& name) const {
   const auto it = files_.find(name);
   if (it == files_.end())
-    return Refused(404, fmt::format("this picture is not here any more: it is kept for {} s", kKeepS));
+    return Refused(404, fmt::format("this picture has been removed: pictures are kept for {} s", kKeepS));
   return {.content_type = "image/png",
           .headers = {{"Content-Disposition", "attachment"}},
           .file = it->second.bytes};

@@ -27,14 +27,15 @@ void SocketRefusals::Note(const HttpRequest& request, const std::string& sentenc
 HttpResponse SocketRefusals::Answer(const HttpRequest& request) const {
   const std::string word = TryOf(request);
   const auto found = std::ranges::find(refused_, word, [](const auto& refused) { return refused.first; });
-  if (word.empty() || found == refused_.end()) return Refused(404, "no such try was refused here");
+  if (word.empty() || found == refused_.end()) return Refused(404, "no such connection was refused here");
   return {.body = found->second + "\n"};
 }
 
 std::string SwallowedUpgrade(const HttpRequest& request) {
   if (request.header("sec-websocket-key").empty() && request.header("sec-websocket-version").empty())
     return {};
-  return "The proxy before this page passes no WebSockets: it takes the headers Upgrade and Connection away. "
+  return "The proxy in front of this page passes no WebSockets: it removes the headers Upgrade and "
+         "Connection. "
          "For nginx: proxy_http_version 1.1; proxy_set_header Upgrade $http_upgrade; proxy_set_header "
          "Connection "
          "\"upgrade\";";

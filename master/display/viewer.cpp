@@ -157,7 +157,7 @@ void Viewer::SendState(std::string json) {
 /// Sends an answer to a message of the browser.
 void Viewer::SendAnswer(std::string json) {
   if (text_bytes() > welcome_bytes_ + kFarBehindBytes)
-    return End("this page reads none of the answers to its messages");
+    return End("this page does not read the answers to its messages");
   socket_->SendText(std::move(json));
 }
 
@@ -166,7 +166,7 @@ void Viewer::Refuse(const std::string& sentence) {
   const double now_s = site_.now();
   mistakes_ =
       std::min(kMostMistakes, mistakes_ + (now_s - std::exchange(mistakes_at_s_, now_s)) * kMistakesPerS);
-  if (--mistakes_ < 0) return End("this page goes on with messages that cannot be read; load it again");
+  if (--mistakes_ < 0) return End("this page keeps sending messages that cannot be read; load it again");
   SendAnswer(RefusalText(sentence));
 }
 
@@ -178,7 +178,7 @@ bool Viewer::TooMany() {
 
 void Viewer::OnText(const std::string& text) {
   if (gone_) return;
-  if (TooMany()) return End("this page sends more than a viewer does");
+  if (TooMany()) return End("this page sends too many messages");
   if (const Status status = OnMessage(text); !status) return End(status.error().message);
   Advance();
 }
@@ -195,7 +195,7 @@ Status Viewer::OnMessage(const std::string& text) {
 }
 
 void Viewer::OnPick(const PickMessage& pick) {
-  if (!newest_) return Refuse("a pick came before any view");
+  if (!newest_) return Refuse("a pick was sent before any view");
   picker_.Ask(pick, *newest_);
   site_.assign_soon();
 }
@@ -226,10 +226,9 @@ Status Viewer::OnView(WantedView wanted) {
   const uint64_t pixels = uint64_t{wanted.view.width} * wanted.view.height;
   ViewMemory& memory = site_.memory;
   if (!memory.Fits(pixels, taken_))
-    return Fail(
-        fmt::format("there are too many viewers for another one of this size: all views together may take "
-                    "{} (--view-memory)",
-                    FormatSize(memory.most)));
+    return Fail(fmt::format(
+        "there is no memory for another view of this size: all views together may take {} (--view-memory)",
+        FormatSize(memory.most)));
   memory.largest = std::max(memory.largest, pixels);
   Charge(std::max(pixels, pacer_.held_pixels()));
   newest_ = wanted.view;
@@ -344,7 +343,7 @@ void Viewer::Sample(double now_s) {
   for (const auto& [number, sent] : under_way_) {
     bytes += static_cast<double>(sent.bytes);
     if (!sent.taken && now_s - sent.at_s > kStallS + bytes / kSlowLine)
-      return End("this page reads none of the frames that it is sent");
+      return End("this page does not read the frames sent to it");
   }
 }
 

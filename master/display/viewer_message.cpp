@@ -141,7 +141,7 @@ Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescrip
   if (name == "pick") return ReadPick(json);
   if (name == "settings") return ReadSettings(json);
   if (name == "save") return ReadSave(json, defaults, offset);
-  if (name != "ack") return type.Wrong("is no type of message");
+  if (name != "ack") return type.Wrong("is not a known type of message");
   QUARRY_TRY(json.HasOnly({"type", "frame"}));
   QUARRY_ASSIGN(const JsonValue frame, json.Member("frame"));
   QUARRY_ASSIGN(const uint64_t number, frame.Whole());

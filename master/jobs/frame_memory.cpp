@@ -36,12 +36,12 @@ Status FrameMemory::CheckJob(const RenderJob& job, uint64_t jobs_bytes) const {
   if (frame > for_frames())
     return Fail(
         fmt::format("a picture of {}x{} takes {} of the master's memory, and it has {} for pictures "
-                    "(quarry-master --frame-memory); ask for less, or for parts of it with --crop",
+                    "(quarry-master --frame-memory); render a smaller one, or parts of it with --crop",
                     job.view.crop.width, job.view.crop.height, FormatSize(frame), FormatSize(for_frames())));
   if (jobs_bytes + own > for_jobs())
     return Fail(
-        fmt::format("a job of {} frames takes {} of the master's memory, and of the {} for jobs {} are "
-                    "in use (quarry-master --frame-memory); ask for fewer frames, or later",
+        fmt::format("a job of {0} frames takes {1} of the master's memory, and {3} of its {2} for jobs are "
+                    "in use (quarry-master --frame-memory); ask for fewer frames, or try later",
                     job.cameras.size(), FormatSize(own), FormatSize(for_jobs()), FormatSize(jobs_bytes)));
   return {};
 }

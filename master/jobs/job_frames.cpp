@@ -65,10 +65,9 @@ void JobFrames::OnWorkerFailure(const WorkerRecord& worker, const std::string& s
   failures_ += worker.tiles > 0;
   if (!worker.has_scene || under_way_.empty() || (failures_ < kMostFailures && workers_.all().size() > 1))
     return;
-  jobs_.Fail(
-      under_way_.begin()->second.frame.job,
-      fmt::format("worker {} cannot get voxels: {}; its --source, or the master's, says where they are",
-                  worker.name, sentence));
+  jobs_.Fail(under_way_.begin()->second.frame.job,
+             fmt::format("worker {} cannot get voxels: {}; check its --source, or the master's", worker.name,
+                         sentence));
 }
 
 std::vector<FrameId> JobFrames::Forget(const Job& job) {

@@ -58,7 +58,7 @@ void Jobs::TakeUp() {
     job->suspect = found.tries > 0;
     for (size_t f = 0; f < found.finished.size(); ++f)
       if (found.finished[f]) job->states[f] = Job::FrameState::kFinished;
-    callbacks_.log(fmt::format("going on with job {}: {} of {} frames are done", job->id,
+    callbacks_.log(fmt::format("continuing job {}: {} of {} frames are done", job->id,
                                std::count(found.finished.begin(), found.finished.end(), true),
                                found.finished.size()));
     jobs_.push_back(std::move(job));
@@ -71,7 +71,7 @@ Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) 
   std::shared_ptr<Job> job;
   if (found != jobs_.end()) {
     job = *found;
-    callbacks_.log(fmt::format("job {} is also for {}", ShortId(id), client->peer()));
+    callbacks_.log(fmt::format("job {} is also requested by {}", ShortId(id), client->peer()));
   } else {
     QUARRY_TRY(memory_.CheckJob(request.job, JobsBytes()));
     if (spool_) QUARRY_TRY(spool_->CheckNotSetAside(id));
@@ -188,10 +188,9 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
     pixels = {};
     if (ev) statistics = WithExposure(statistics, *ev);
     if (image && image->size() > kMostImageBytes)
-      image = quarry::Fail(
-          fmt::format("the picture takes {} as {}, and {} can be sent; render parts of it with "
-                      "--crop",
-                      FormatSize(image->size()), frame.job->job.format.name, FormatSize(kMostImageBytes)));
+      image = quarry::Fail(fmt::format(
+          "the picture takes {} as {}, and at most {} can be sent; render parts of it with --crop",
+          FormatSize(image->size()), frame.job->job.format.name, FormatSize(kMostImageBytes)));
     if (image && spool_)
       WriteToSpool(*frame.job,
                    [&] { return spool_->WriteFrame(frame.job->id, frame.job->job, frame.index, *image); });
@@ -284,8 +283,8 @@ void Jobs::Deliver(const std::shared_ptr<Job>& job) {
     job->finished[f].memory.reset();
   }
   if (needed < job->states.size()) return;
-  callbacks_.log(fmt::format("job {} is done, {:.1f} s after it was asked for", ShortId(job->id),
-                             SecondsSince(job->asked)));
+  callbacks_.log(
+      fmt::format("job {} is done, {:.1f} s after its request", ShortId(job->id), SecondsSince(job->asked)));
   Remove(job);
 }
 

@@ -58,7 +58,7 @@ Result<Bytes> ReadOwn(const std::string& path, uint64_t most) {
   if (::fstat(file.get(), &info) != 0 || !S_ISREG(info.st_mode))
     return Fail(fmt::format("{}: is not a regular file", path));
   if (static_cast<uint64_t>(info.st_size) > most)
-    return Fail(fmt::format("{}: is larger than it can be", path));
+    return Fail(fmt::format("{}: is too large for a file of the spool", path));
   Bytes bytes(static_cast<size_t>(info.st_size));
   if (!ReadAll(file.get(), bytes)) return Fail(fmt::format("{}: cannot be read", path));
   return bytes;
@@ -141,7 +141,7 @@ Status Spool::CheckNotSetAside(const std::string& id) const {
   std::error_code ignored;
   if (!fs::exists(AsidePath(id), ignored)) return {};
   return Fail(
-      fmt::format("this job has ended the master {} times and lies at {}; remove that to have it tried again",
+      fmt::format("this job has ended the master {} times and was moved to {}; remove that to try it again",
                   kMostTries, AsidePath(id)));
 }
 
@@ -213,7 +213,7 @@ Status Spool::Begin(const std::string& id, const RenderJob& job) const {
   fs::create_directories(folder_ + "/" + id, error);
   if (error) return Fail(fmt::format("{}/{}: cannot be made: {}", folder_, id, error.message()));
   if (!IsFolder(folder_ + "/" + id))
-    return Fail(fmt::format("{}/{}: is a link, where a job's folder should be; remove it", folder_, id));
+    return Fail(fmt::format("{}/{}: is a link, not a job's folder; remove it", folder_, id));
   SyncFolderOf(folder_ + "/" + id);
   // Before the job itself: a job that ends the master at once has been tried.
   if (!fs::exists(TriesPath(id), error)) QUARRY_TRY(WriteOwn(TriesPath(id), AsBytes("1\n")));

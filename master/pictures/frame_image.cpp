@@ -45,8 +45,8 @@ Status FrameImage::Put(uint32_t index, std::span<const std::byte> pixels) {
   const PixelRect& tile = tiles_[index];
   const size_t row = size_t{tile.width} * words_;
   if (pixels.size() != row * tile.height * 4)
-    return Fail(fmt::format("a tile came with {} bytes of pixels instead of {}", pixels.size(),
-                            row * tile.height * 4));
+    return Fail(
+        fmt::format("a tile has {} bytes of pixels instead of {}", pixels.size(), row * tile.height * 4));
   for (uint32_t y = 0; y < tile.height; ++y) {
     uint32_t* out = pixels_.data() + (size_t{tile.y - crop_y_ + y} * width_ + (tile.x - crop_x_)) * words_;
     std::memcpy(out, pixels.data() + y * row * 4, row * 4);

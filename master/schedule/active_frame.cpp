@@ -128,7 +128,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   if (!lease || tile_done_[done.tile]) return false;
   const PixelRect& tile = image_.tiles()[done.tile];
   if (done.depths.size() != size_t{DepthCells(tile.width)} * DepthCells(tile.height))
-    return Fail("a tile came with more or fewer depths than it has cells");
+    return Fail("a tile has another number of depths than of cells");
   QUARRY_TRY(image_.Put(done.tile, pixels));
   owners_[done.tile] = lease->worker;
   tile_done_[done.tile] = true;

@@ -65,7 +65,7 @@ class Unzstd : public Decompressor {
     const size_t left = ZSTD_decompressStream(context_, &to, &from);
     Step step{from.pos, to.pos, {}};
     if (ZSTD_getErrorCode(left) == ZSTD_error_frameParameter_windowTooLarge)
-      step.error = fmt::format("its window is too large to be held here; {}unpack it with zstd -d --long={}",
+      step.error = fmt::format("its window is too large for the memory; {}unpack it with zstd -d --long={}",
                                window_log_ <= kMostWindowLog ? "give more --memory, or " : "", window_log_);
     else if (ZSTD_isError(left) != 0)
       step.error = std::string("damaged zstd: ") + ZSTD_getErrorName(left);

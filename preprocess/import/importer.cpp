@@ -99,8 +99,8 @@ void WarnOfMemory(const std::string& path, uint64_t memory, ModelSink& sink) {
   const uintmax_t bytes = std::filesystem::file_size(path, none);
   if (none || bytes <= memory / kForeignBytesPerByte) return;
   sink.Warn(
-      fmt::format("{}: is read by Assimp, which holds a model whole: in up to {} times its bytes, {} MiB; it "
-                  "may take {} MiB",
+      fmt::format("{}: is read by Assimp, which loads a model whole, in up to {} times its size of {} MiB; "
+                  "it may take {} MiB",
                   path, kForeignBytesPerByte, (bytes * kForeignBytesPerByte) >> 20, memory >> 20));
 }
 

@@ -123,9 +123,10 @@ bool ModelReader::MayUnpack(size_t more) {
   const uint64_t most =
       unpack_limit_ != 0 ? unpack_limit_ : std::max(kUnpackFree, kUnpackRatio * packed_bytes_);
   if (unpacked_bytes_ <= most) return true;
-  const std::string why = unpack_limit_ != 0 ? std::string("--unpack-limit")
-                                             : fmt::format("more than {} times its own {}, as no model does",
-                                                           kUnpackRatio, FormatSize(packed_bytes_));
+  const std::string why = unpack_limit_ != 0
+                              ? std::string("--unpack-limit")
+                              : fmt::format("more than {} times its own {}, which no model does",
+                                            kUnpackRatio, FormatSize(packed_bytes_));
   read_error_ =
       fmt::format("it unpacks to more than {} ({}); --unpack-limit SIZE allows more", FormatSize(most), why);
   return false;

@@ -78,7 +78,7 @@ class OffFile {
     QUARRY_ASSIGN(TextCursor cursor, NextLine("the counts, line", 1));
     ParseKeyword(cursor, layout_);  // the keyword is optional
     if (layout_.four || layout_.ndim)
-      return lines_.FailHere("OFF of other than 3 dimensions is not read; write it with three coordinates");
+      return lines_.FailHere("OFF is read in 3 dimensions only; write it with three coordinates");
     if (cursor.AtEnd()) {
       QUARRY_ASSIGN(cursor, NextLine("the counts, line", 2));
     }

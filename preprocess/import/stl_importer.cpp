@@ -135,8 +135,9 @@ class BinaryStl {
 Status BinaryStl::Header() {
   const std::string& path = bytes_.path();
   if (!bytes_.Ensure(kHeaderBytes))
-    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
-                            path, kHeaderBytes, bytes_.available()));
+    return Fail(
+        fmt::format("{}: is not an ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
+                    path, kHeaderBytes, bytes_.available()));
   count_ = CountOf(bytes_);
   const uint64_t promised = PromisedBytes(bytes_);
   if (!IsCount(CountOf(bytes_))) {
@@ -146,8 +147,9 @@ Status BinaryStl::Header() {
     counted_ = false;
     sink_.Warn(fmt::format("{}: its count of facets is {}; those up to its end are read", path, count_));
   } else if (bytes_.has_size() && promised > bytes_.size()) {
-    return Fail(fmt::format("{}: is no ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
-                            path, promised, bytes_.size()));
+    return Fail(
+        fmt::format("{}: is not an ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
+                    path, promised, bytes_.size()));
   } else if (bytes_.has_size() && promised < bytes_.size()) {
     QUARRY_ASSIGN(payloads_, HasPayloads());
     if (!payloads_)
@@ -276,7 +278,7 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
   } else if (begins("endsolid") || is("color") || word.starts_with('#')) {
     rest.next = rest.end;
   } else if (!is("outer") && !is("loop") && !is("outerloop") && !is("endloop")) {
-    return lines_.FailHere(fmt::format("{} is no word of an ASCII STL", Quoted(word)));
+    return lines_.FailHere(fmt::format("{} is not a word of an ASCII STL", Quoted(word)));
   }
   return {};
 }

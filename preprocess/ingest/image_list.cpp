@@ -119,8 +119,8 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
     return equal;
   }
   if (images_.size() == kMaxTextures)
-    return Fail(
-        fmt::format("{}: more than {} images in all; --no-textures does without", image.model, kMaxTextures));
+    return Fail(fmt::format("{}: more than {} images in all; --no-textures leaves them out", image.model,
+                            kMaxTextures));
   if (!has_file) {
     if (!file_) QUARRY_TRY(OpenFile(0));
     image.file = path_;

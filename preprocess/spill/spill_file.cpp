@@ -96,7 +96,7 @@ Result<SpillFile> SpillFile::Open(const std::string& path, size_t element_bytes,
   if (made.get() < 0) return CannotMake(path);
   SpillFile file(path, element_bytes, options);
   if (!file.content_->FindBlocks(made.get(), count))
-    return CannotResume(fmt::format("{}: is shorter than when it was left", path));
+    return CannotResume(fmt::format("{}: is shorter than the earlier run left it", path));
   if (::ftruncate(made.get(), static_cast<off_t>(file.content_->bytes)) != 0) return CannotWrite(path, errno);
   file.content_->ForgetBlocks();
   file.count_ = count;

@@ -30,7 +30,7 @@ Status ImageDecoder::Start() {
   if (helper_.program().empty())
     return Fail(
         "quarry-import-image is not installed with this program, so images cannot be read; --no-textures "
-        "does without");
+        "leaves them out");
   return helper_.Start();
 }
 
@@ -51,8 +51,8 @@ tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   if (signal == SIGXCPU) {  // leaving the image out would make the store depend on the machine's speed
     fatal_ = true;
-    return Fail(
-        fmt::format("{}: took its decoder more than ten minutes; --no-textures does without", NameOf(image)));
+    return Fail(fmt::format("{}: took its decoder more than ten minutes; --no-textures leaves images out",
+                            NameOf(image)));
   }
   // The kernel kills so when memory is short, and so do people: the image is not at fault.
   fatal_ = signal == SIGKILL || signal == SIGTERM || signal == SIGINT || signal == SIGHUP;
@@ -82,7 +82,7 @@ Result<ImageDecoder::Message> ImageDecoder::Receive(const TextureImage& image) {
   const auto size = in.Get<uint32_t>();
   if (size > kMostImageMessage) {
     helper_.Stop();
-    return Refused(image, "the decoder gives an answer that cannot be");
+    return Refused(image, "the decoder gives an invalid answer");
   }
   message.bytes.resize(size);
   if (!ReadAll(helper_.from(), message.bytes)) return Ended(image);
@@ -106,7 +106,7 @@ Result<ImageFacts> ImageDecoder::ReceiveFacts(const TextureImage& image) {
   if (message.kind != ImageMessage::kFacts || !in.done() || facts.channels - 1 > 3 ||
       facts.width - 1 >= kMaxTextureSide || facts.height - 1 >= kMaxTextureSide) {
     helper_.Stop();
-    return Refused(image, "the decoder gives an answer that cannot be");
+    return Refused(image, "the decoder gives an invalid answer");
   }
   return facts;
 }
@@ -149,7 +149,7 @@ Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_fac
     if (message.kind != ImageMessage::kRows || count * facts.row_bytes() != message.bytes.size() ||
         rows + count > facts.height) {
       helper_.Stop();
-      return Refused(image, "the decoder gives other rows than it has said");
+      return Refused(image, "the decoder gives other rows than it announced");
     }
     rows += count;
     QUARRY_TRY(given(on_rows(std::move(message.bytes))));

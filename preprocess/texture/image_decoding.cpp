@@ -104,7 +104,8 @@ class Decoding {
     start.resize(part.pread(start.data(), start.size(), 0));
     const std::string format = FormatOf(start, path);
     if (format.empty())
-      return Fail("is none of the images that are read (PNG, JPEG, TIFF, EXR, HDR, BMP, TGA, PNM, WebP)");
+      return Fail(
+          "is not an image of a format that is read (PNG, JPEG, TIFF, EXR, HDR, BMP, TGA, PNM, WebP)");
     input_ = OIIO::ImageInput::create(format);
     if (!input_) return Fail(fmt::format("needs {}, which this OpenImageIO does not read", format));
     OIIO::ImageSpec config, spec;
@@ -113,7 +114,7 @@ class Decoding {
     if (!input_->open(path, spec, config)) return Fail(Refusal(input_->geterror()));
     if (format == "openexr" && (spec.x != spec.full_x || spec.y != spec.full_y ||
                                 spec.width != spec.full_width || spec.height != spec.full_height))
-      return Fail("has data for another window than the one it shows");
+      return Fail("has data for another window than its display window");
     // WebP's reader ignores the hint, and EXR's colours are always multiplied by alpha.
     multiplied_ = format == "webp" || format == "openexr" ||
                   (format == "tiff" && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0);
@@ -126,8 +127,8 @@ class Decoding {
     if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1) return Fail("has no pixels");
     if (static_cast<uint32_t>(spec.width) > kMaxTextureSide ||
         static_cast<uint32_t>(spec.height) > kMaxTextureSide)
-      return Fail(fmt::format("is {} x {} pixels large, of which {} a side are read", spec.width, spec.height,
-                              kMaxTextureSide));
+      return Fail(fmt::format("is {} x {} pixels large, and at most {} a side are read", spec.width,
+                              spec.height, kMaxTextureSide));
     const bool alpha = spec.alpha_channel >= 0;
     const int colors = spec.nchannels - alpha >= 3 ? 3 : 1;
     // Alpha directly after the colours, as in all formats but EXR with layers.

@@ -170,7 +170,7 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
             [this, &writer, begun = mips.has_value(), error = piece.status.error()]() -> Status {
               if (begun) QUARRY_TRY(writer.DropTexture());
               numbers_.push_back(kNoIndex);
-              warn_(error.message + "; materials do without");
+              warn_(error.message + "; materials do without them");
               return {};
             });
     }
@@ -180,7 +180,7 @@ Status TextureStage::Carry(const TextureImage& image, ImageReader& reader, PageP
 Status TextureStage::Begin(const TextureImage& image, const TexelLayout& layout, StoreWriter& writer) const {
   if (TextureShape(layout.width, layout.height).pages() > kMaxPages - pages_)
     return Fail(
-        fmt::format("{}, image {}: with it, textures have more than {} pages; --no-textures does without",
+        fmt::format("{}, image {}: with it, textures have more than {} pages; --no-textures leaves them out",
                     image.model, image.name, kMaxPages));
   writer.BeginTexture(image.name, layout);
   return {};

@@ -107,7 +107,7 @@ test('a worker dies and another joins during a flight', async () => {
   await page.keyboard.down('w');
   await pause(700);
   cluster.workers[0].kill('SIGKILL');
-  await page.waitForFunction(() => /Worker .* is gone: .* The others go on\./.test(document.getElementById('toast').innerText), null, { timeout: 20000 });
+  await page.waitForFunction(() => /Worker .* is gone: .* The other workers continue\./.test(document.getElementById('toast').innerText), null, { timeout: 20000 });
   cluster.addWorker();
   await pause(1200);
   await shoot(page, 'flight');

@@ -162,7 +162,7 @@ struct DiskCachedSource::Impl : std::enable_shared_from_this<DiskCachedSource::I
 
   void PauseWrites(const Error& error) {
     write_again = Clock::now() + kWritePause;
-    WarnOnce(warned_write, error.message + "; the disk cache goes on without writing");
+    WarnOnce(warned_write, error.message + "; the disk cache continues without writing");
   }
 
   void WarnOnce(bool& warned, std::string sentence) {
@@ -203,7 +203,7 @@ Result<DiskCacheLocation> ParseDiskCache(const std::string& text, const std::str
   DiskCacheLocation location;
   location.folder = text.substr(0, colon);
   QUARRY_ASSIGN(location.bytes, ParseSize(text.substr(colon + 1), what));
-  if (location.bytes == 0) return BadUsage(fmt::format("{} of no bytes: leave it out instead", what));
+  if (location.bytes == 0) return BadUsage(fmt::format("{} has a size of 0: leave it out instead", what));
   return location;
 }
 

@@ -70,7 +70,7 @@ struct HttpVoxelSource::Impl : std::enable_shared_from_this<HttpVoxelSource::Imp
                   if (reply->file_size != 0 && reply->file_size != self->file_size) {
                     self->checked = Checked::kNo;
                     return done(tl::unexpected<Error>(Error{
-                        fmt::format("{}: the store there is another than it was: {} bytes long, no longer {}",
+                        fmt::format("{}: the store there has changed: it is {} bytes long, no longer {}",
                                     self->name, reply->file_size, self->file_size),
                         ErrorKind::kPermanent}));
                   }
@@ -104,7 +104,7 @@ void HttpVoxelSource::Fetch(BlockKey block, Done done) {
     return boost::asio::post(impl_->io, [impl = impl_, block, done = std::move(done)] {
       if (!impl->stopped)
         done(tl::unexpected<Error>(
-            Error{fmt::format("{}: no block {} there", impl->name, impl->catalog.NumberOf(block)),
+            Error{fmt::format("{}: has no block {}", impl->name, impl->catalog.NumberOf(block)),
                   ErrorKind::kPermanent}));
     });
   }

@@ -80,9 +80,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
     AskMore();
     if (m.type == MessageType::kBlock) return done(std::move(m.raw));
     const auto failure = DecodeFailure(m.table);
-    done(tl::unexpected<Error>(
-        Error{failure ? failure->message : "the voxel server gave an answer that is not one",
-              ErrorKind::kPermanent}));
+    done(tl::unexpected<Error>(Error{failure ? failure->message : "the voxel server gave an invalid answer",
+                                     ErrorKind::kPermanent}));
   }
 
   void OnWelcome(const Message& m) {

@@ -53,9 +53,8 @@ bool CadClient::Read(std::span<std::byte> out) {
 }
 
 tl::unexpected<Error> CadClient::Lies() {
-  return Fail(
-      fmt::format("the process that reads it gives an answer that cannot be: the model may be damaged; {}",
-                  kOtherFormats));
+  return Fail(fmt::format("the process that reads it gives an invalid answer: the model may be damaged; {}",
+                          kOtherFormats));
 }
 
 Result<CadClient::Message> CadClient::Next(const std::string& part) {

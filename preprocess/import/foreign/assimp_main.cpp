@@ -305,7 +305,7 @@ Status WritePly(const std::vector<Placed>& placed, const std::vector<uint32_t>& 
 Status CannotRead(const std::string& model, std::string why) {
   if (why.starts_with("No suitable reader found"))
     return Fail(
-        fmt::format("{}: is of none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, "
+        fmt::format("{}: is in none of the formats that are read: PLY, OBJ, STL, OFF, glTF, GLB, NFF, AFF, "
                     "3MF, STEP, IGES, "
                     "and by Assimp COLLADA, AMF, FBX, 3DS, DXF, X3D and more; export it as glTF, OBJ or PLY",
                     model));
@@ -357,7 +357,7 @@ int Main(int argc, char** argv) {
     if (status) return 0;
     Log(status.error().message);
   } catch (const std::bad_alloc&) {
-    Log(fmt::format("{}: needs more than --memory: Assimp holds a model whole, in up to {} times its bytes",
+    Log(fmt::format("{}: needs more than --memory: Assimp loads a model whole, in up to {} times its size",
                     argv[1], kForeignBytesPerByte));
   } catch (const std::exception& e) {
     Log(fmt::format("{}: Assimp cannot read it: {}", argv[1], e.what()));

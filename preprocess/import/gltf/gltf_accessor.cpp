@@ -100,7 +100,7 @@ Status GltfAccessor::TakeElements(const GltfElements& elements) {
 
 Status GltfAccessor::Load(const Json& json) {
   QUARRY_ASSIGN(const uint64_t component_type, Unsigned(json, "componentType"));
-  if (SizeOf(component_type) == 0) return FailAt(fmt::format("componentType {} is none", component_type));
+  if (SizeOf(component_type) == 0) return FailAt(fmt::format("componentType {} is unknown", component_type));
   component_type_ = static_cast<uint32_t>(component_type);
   components_ = ComponentsOf(json.value("type", ""));
   if (components_ == 0) return FailAt("its type is not SCALAR, VEC2, VEC3, VEC4 or MAT4");
@@ -109,7 +109,7 @@ Status GltfAccessor::Load(const Json& json) {
   if (const GltfElements* elements = document_->decoded().FindElements(index_))
     return TakeElements(*elements);
   QUARRY_ASSIGN(count_, Unsigned(json, "count"));
-  if (count_ > 0xFFFFFFFF) return FailAt(fmt::format("{} elements are more than 32 bits number", count_));
+  if (count_ > 0xFFFFFFFF) return FailAt(fmt::format("{} elements are more than 32 bits can count", count_));
   if (json.contains("bufferView")) {
     QUARRY_ASSIGN(place_, FindPlace(json, count_, element_bytes_));
   } else {
@@ -129,8 +129,7 @@ Status GltfAccessor::CountZeros(const Json& json) {
   const uint64_t free = std::min(given, kMostSparse) * kZerosASparse;
   if (count_ <= free || document_->TakeZeros(count_ - free)) return {};
   return FailAt(
-      fmt::format("{} elements without a buffer view, of which {} are sparse ones: so many zeros are "
-                  "not read",
+      fmt::format("{} elements without a buffer view, only {} of them sparse: so many zeros are not read",
                   count_, given));
 }
 
@@ -179,8 +178,7 @@ Status GltfAccessor::LoadSparse(const Json& json) {
     return FailAt(fmt::format("{} sparse elements are too many", count));
   const Json& indices = json.at("indices");
   QUARRY_ASSIGN(const uint64_t type, Unsigned(indices, "componentType"));
-  if (type != kUbyte && type != kUshort && type != kUint)
-    return FailAt("sparse indices of a type that is none");
+  if (type != kUbyte && type != kUshort && type != kUint) return FailAt("sparse indices of an unknown type");
   const uint32_t size = SizeOf(type);
   QUARRY_ASSIGN(const Place index_place, FindPlace(indices, count, size));
   QUARRY_ASSIGN(const auto index_bytes, ReadAll(index_place, count, size));

@@ -122,9 +122,9 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes, GltfDecoding decodin
   uint64_t json_bytes = bytes.size(), glb_begin = 0, glb_size = 0;
   if (bytes.Ensure(20) && Word(bytes, 0) == kGlbMagic) {
     if (Word(bytes, 4) != 2)
-      return bytes.FailHere(fmt::format("GLB version {}, of which 2 is read", Word(bytes, 4)));
+      return bytes.FailHere(fmt::format("GLB version {}; only version 2 is read", Word(bytes, 4)));
     json_bytes = Word(bytes, 12);
-    if (Word(bytes, 16) != kJsonChunk) return bytes.FailHere("the first chunk of the GLB is no JSON");
+    if (Word(bytes, 16) != kJsonChunk) return bytes.FailHere("the first chunk of the GLB is not JSON");
     bytes.Consume(20);
     glb_begin = 20 + (json_bytes + 3) / 4 * 4 + 8;
   } else if (bytes.Ensure(4) && Word(bytes, 0) == kGlbMagic)
@@ -157,8 +157,8 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes, GltfDecoding decodin
   GltfDocument document(bytes.path(), std::make_unique<Json>(std::move(json)), std::move(decoding));
   document.glb_begin_ = glb_begin;
   document.glb_size_ = glb_size;
-  constexpr const char* kOther = "holds JSON that is no glTF: {}; give the model itself";
-  if (!document.json_->is_object()) return document.FailAt(fmt::format(kOther, "it is no object"));
+  constexpr const char* kOther = "holds JSON that is not glTF: {}; give the model itself";
+  if (!document.json_->is_object()) return document.FailAt(fmt::format(kOther, "it is not an object"));
   const Json* asset = document.json_->contains("asset") ? &document.json_->at("asset") : nullptr;
   if (document.json_->contains("geometricError"))
     return document.FailAt("is a tileset of 3D Tiles; give the GLB files of its tiles");
@@ -169,7 +169,7 @@ Result<GltfDocument> GltfDocument::Open(ModelReader& bytes, GltfDecoding decodin
     return (version->is_string() ? version->get<std::string>() : version->dump()).starts_with("2");
   };
   if (asset->contains("minVersion") && !is_2("minVersion"))
-    return document.FailAt("wants a version of glTF beyond 2 (asset.minVersion); export it as glTF 2");
+    return document.FailAt("needs a version of glTF beyond 2 (asset.minVersion); export it as glTF 2");
   if (!is_2("version"))
     return document.FailAt(
         "is not glTF 2 (asset.version); convert it, with a program that reads it, to glTF 2");
@@ -270,7 +270,7 @@ Result<const GltfDocument::Buffer*> GltfDocument::Reach(uint64_t index, uint64_t
   }
   const Buffer& buffer = *buffers_[index];
   if (offset > buffer.size || size > buffer.size - offset)
-    return FailAt(fmt::format("buffers[{}] ends at byte {}, but bytes up to {} are wanted", index,
+    return FailAt(fmt::format("buffers[{}] ends at byte {}, but bytes up to {} are needed", index,
                               buffer.size, offset + size));
   return &buffer;
 }
@@ -298,7 +298,8 @@ Result<uint64_t> GltfDocument::Unsigned(const Json& object, const std::string& w
   if (it->is_number_float())
     if (const auto real = it->get<double>(); real >= 0 && real < 0x1p53 && real == std::floor(real))
       return static_cast<uint64_t>(real);
-  if (!it->is_number_unsigned()) return FailAt(fmt::format("{}.{} is no whole number from 0 on", where, key));
+  if (!it->is_number_unsigned())
+    return FailAt(fmt::format("{}.{} is not a whole number of at least 0", where, key));
   return it->get<uint64_t>();
 }
 

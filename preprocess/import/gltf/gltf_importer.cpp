@@ -115,8 +115,8 @@ class GltfImport {
     }
     if (vertices == 0 || instances <= 0xFFFFFFFF / vertices) return {};
     return document_.FailAt(
-        fmt::format("shows {}, of {} vertices, {} times: instances are made triangles, and of more than "
-                    "4,294,967,295 vertices that cannot be",
+        fmt::format("shows {}, of {} vertices, {} times: instances become triangles, and more than "
+                    "4,294,967,295 vertices are too many",
                     name, vertices, instances));
   }
 
@@ -225,7 +225,7 @@ class GltfImport {
     QUARRY_ASSIGN(const uint64_t index, document_.Unsigned(primitive, mesh, "indices"));
     QUARRY_ASSIGN(indices, GltfAccessor::Open(document_, index, 1, 1));
     if (indices->is_real())
-      return document_.FailAt(fmt::format("{}: indices that are no whole numbers", mesh));
+      return document_.FailAt(fmt::format("{}: indices that are not whole numbers", mesh));
     return indices;
   }
 
@@ -321,7 +321,7 @@ Result<uint64_t> ImportGltf(ModelReader& bytes, ModelSink& sink, const GltfDecod
     QUARRY_ASSIGN(GltfDocument document, GltfDocument::Open(bytes, decoding));
     return GltfImport(std::move(document), sink).Run();
   } catch (const Json::exception& e) {
-    return Fail(fmt::format("{}: a member has a type that it cannot have: {}", path, e.what()));
+    return Fail(fmt::format("{}: a member has the wrong type: {}", path, e.what()));
   }
 }
 

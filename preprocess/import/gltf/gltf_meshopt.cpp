@@ -54,14 +54,14 @@ std::string Fault(const Stream& stream) {
     if (stride != 2 && stride != 4) return fmt::format("a byteStride of {} for indices", stride);
     if (stream.filter != "NONE") return "a filter for indices";
     if (stream.mode == MeshoptMode::kTriangles && stream.count % 3 != 0)
-      return fmt::format("{} indices, which make no whole triangles", stream.count);
+      return fmt::format("{} indices, which are not whole triangles", stream.count);
     return {};
   }
   if (stride == 0 || stride > 256 || stride % 4 != 0)
-    return fmt::format("a byteStride of {}, which is no multiple of 4 up to 256", stride);
+    return fmt::format("a byteStride of {}, which is not a multiple of 4 up to 256", stride);
   const bool known = stream.filter == "NONE" || stream.filter == "EXPONENTIAL" ||
                      stream.filter == "OCTAHEDRAL" || stream.filter == "QUATERNION";
-  if (!known) return fmt::format("the filter {}, which is none", Quoted(stream.filter));
+  if (!known) return fmt::format("the filter {}, which is unknown", Quoted(stream.filter));
   if ((stream.filter == "OCTAHEDRAL" && stride != 4 && stride != 8) ||
       (stream.filter == "QUATERNION" && stride != 8))
     return fmt::format("a byteStride of {} for the filter {}", stride, stream.filter);
@@ -129,7 +129,7 @@ class MeshoptView {
     QUARRY_ASSIGN(stream.count, document_.Unsigned(extension, name_, "count"));
     const std::string mode = extension.value("mode", "");
     if (mode != "ATTRIBUTES" && mode != "TRIANGLES" && mode != "INDICES")
-      return FailAt(fmt::format("the mode {} is none", Quoted(mode)));
+      return FailAt(fmt::format("the mode {} is unknown", Quoted(mode)));
     stream.mode = mode == "ATTRIBUTES"  ? MeshoptMode::kAttributes
                   : mode == "TRIANGLES" ? MeshoptMode::kTriangles
                                         : MeshoptMode::kIndices;
@@ -138,7 +138,7 @@ class MeshoptView {
     // Errors: the bytes are not all there.
     QUARRY_TRY(document_.RangeOf(stream.buffer, stream.offset, stream.length));
     if (stream.count > MostElements(stream))
-      return FailAt(fmt::format("{} elements of {} bytes cannot come out of {} bytes", stream.count,
+      return FailAt(fmt::format("{} elements of {} bytes cannot be decoded from {} bytes", stream.count,
                                 stream.stride, stream.length));
     return stream;
   }

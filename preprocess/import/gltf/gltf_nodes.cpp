@@ -41,7 +41,7 @@ Result<glm::dmat4> LocalTransform(const GltfDocument& document, const Json& node
   if (const auto it = node.find("matrix"); it != node.end()) {
     glm::dmat4 m(1);
     if (!it->is_array() || it->size() != 16)
-      return document.FailAt(fmt::format("nodes[{}].matrix has not 16 numbers", index));
+      return document.FailAt(fmt::format("nodes[{}].matrix does not have 16 numbers", index));
     for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = (*it)[static_cast<size_t>(i)].get<double>();
     return m;
   }
@@ -89,7 +89,7 @@ Result<std::optional<GltfNodes::Node>> GltfNodes::Next() {
     stack_.pop_back();
     QUARRY_ASSIGN(const Json* json, document_->Find("nodes", index));
     if (visited_[index])
-      return document_->FailAt(fmt::format("nodes[{}] is a child twice, or of itself", index));
+      return document_->FailAt(fmt::format("nodes[{}] is a child twice, or a child of itself", index));
     visited_[index] = true;
     const Json& visibility = Member(Member(*json, "extensions"), "KHR_node_visibility");
     if (!visibility.value("visible", true)) continue;

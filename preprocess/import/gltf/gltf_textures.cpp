@@ -25,7 +25,7 @@ Result<TextureWrap> WrapOf(const GltfDocument& document, const Json& sampler, co
     case 33648:
       return TextureWrap::kMirror;
     default:
-      return document.FailAt(fmt::format("a sampler's {} of {} is none", key, wrap));
+      return document.FailAt(fmt::format("a sampler's {} of {} is unknown", key, wrap));
   }
 }
 
@@ -82,15 +82,15 @@ Result<TextureImage> GltfTextures::Locate(uint64_t index) {
     const std::string name = document_.FileNameOf(uri);
     image.name = name;
     if (std::filesystem::path(name).is_absolute())
-      return document_.FailAt(
-          fmt::format("the image {} is named by an absolute path; the material does without", Quoted(name)));
+      return document_.FailAt(fmt::format(
+          "the image {} is named by an absolute path; the material does without it", Quoted(name)));
     if (LeavesFolder(document_.path(), document_.PathOf(name)))
       return document_.FailAt(fmt::format(
-          "the image {} lies outside the model's folder; the material does without", Quoted(name)));
+          "the image {} lies outside the model's folder; the material does without it", Quoted(name)));
     const auto file = FindFile(document_.path(), name);
     if (file.empty())
       return document_.FailAt(
-          fmt::format("the image {} is not there; the material does without", Quoted(name)));
+          fmt::format("the image {} is not there; the material does without it", Quoted(name)));
     image.file = file.string();
     return image;
   }
@@ -126,15 +126,15 @@ Result<uint64_t> GltfTextures::Complete(const Json& info, const std::string& mat
   const Json& transform = Member(Member(info, "extensions"), "KHR_texture_transform");
   if (UvSetOf(info) != uv_set_)
     return document_.FailAt(
-        fmt::format("the material {} goes by more than one set of texture coordinates, of which a triangle "
-                    "carries TEXCOORD_{}; it does without the textures of the others",
+        fmt::format("the material {} uses more than one set of texture coordinates, and a triangle carries "
+                    "only TEXCOORD_{}; textures of the others are left out",
                     Quoted(material), uv_set_));
   QUARRY_ASSIGN(const Sampled sampled, Find(texture));
   binding.wrap_s = sampled.wrap_s;
   binding.wrap_t = sampled.wrap_t;
   if (!ReadTextureTransform(transform, binding.transform))
     return document_.FailAt(
-        "a KHR_texture_transform holds numbers that cannot be; the material does without");
+        "a KHR_texture_transform holds invalid numbers; the material does without its texture");
   return sampled.image;
 }
 
@@ -145,7 +145,7 @@ std::invoke_result_t<Read> GltfTextures::Guarded(Read&& read) const {
     return read();
   } catch (const Json::exception& e) {
     return document_.FailAt(
-        fmt::format("a texture or its image cannot be read ({}); the material does without", e.what()));
+        fmt::format("a texture or its image cannot be read ({}); the material does without it", e.what()));
   }
 }
 

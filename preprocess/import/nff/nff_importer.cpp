@@ -67,7 +67,7 @@ class NffReader {
       if (keyword == known) return ViewLine(keyword);
     for (const char* known : {"hither", "resolution", "b", "am"})
       if (keyword == known) return SkipNumbers();
-    return words_.FailHere(fmt::format("{} is no entity of NFF or AFF that is read", Quoted(keyword)));
+    return words_.FailHere(fmt::format("{} is not an entity of NFF or AFF that is read", Quoted(keyword)));
   }
 
   /// A line of the current view.
@@ -162,14 +162,14 @@ class NffReader {
     QUARRY_TRY(words_.Number("the number before an included file"));
     QUARRY_ASSIGN(const std::string name, words_.Word("a file's name"));
     if (depth_ == kMostIncludes)
-      return words_.FailHere(fmt::format("{} files included in one another are too many", kMostIncludes));
+      return words_.FailHere(fmt::format("{} nested included files are too many", kMostIncludes));
     const fs::path found = FindFile(path_, name);
     const fs::path file = found.empty() ? fs::path(path_).parent_path() / name : found;
     auto bytes = ModelReader::Open(file.string(), scene_.unpack_limit);
     if (LeavesFolder(scene_.path, file))
       scene_.warn(words_
-                      .FailHere(fmt::format("names the file {}, outside the model's folder; it is read",
-                                            file.string()))
+                      .FailHere(fmt::format(
+                          "names the file {}, outside the model's folder; it is read anyway", file.string()))
                       .value()
                       .message);
     if (!bytes) return words_.FailHere(bytes.error().message);
@@ -180,8 +180,7 @@ class NffReader {
   Status Open(const glm::dmat4& local) {
     QUARRY_ASSIGN(const std::string brace, words_.Word("a '{'"));
     if (brace != "{") return words_.FailHere(fmt::format("a '{{' should be here, not {}", Quoted(brace)));
-    if (transforms_.size() > 1000)
-      return words_.FailHere("a thousand transforms in one another are too many");
+    if (transforms_.size() > 1000) return words_.FailHere("a thousand nested transforms are too many");
     transforms_.push_back(transforms_.back() * local);
     return {};
   }
@@ -231,7 +230,7 @@ class NffReader {
       else if (kind == "visibility")
         for (uint32_t i = 0; i < 2 * count; ++i) QUARRY_TRY(words_.Number("a key"));
       else
-        return words_.FailHere(fmt::format("{} is no animation that is read", Quoted(kind)));
+        return words_.FailHere(fmt::format("{} is not an animation that is read", Quoted(kind)));
     }
     scene_.animations[name] = animation;
     return {};

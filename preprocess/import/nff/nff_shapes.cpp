@@ -39,11 +39,11 @@ Status CountRound(NffFile& file, uint64_t triangles) {
   ++file.scene.round_shapes;
   file.scene.round_triangles += triangles;
   if (file.scene.round_triangles <= kMostRoundTriangles) return {};
-  return file.words.FailHere(fmt::format(
-      "its first {} spheres and cones become {} triangles ({} a sphere, {} a cone), and at most {} are "
-      "made; give fewer a model, or meshes of your own",
-      file.scene.round_shapes, file.scene.round_triangles, kTrianglesOfSphere, kTrianglesOfCone,
-      kMostRoundTriangles));
+  return file.words.FailHere(
+      fmt::format("its first {} spheres and cones become {} triangles ({} a sphere, {} a cone), and at most "
+                  "{} are made; give a model with fewer, or with meshes instead",
+                  file.scene.round_shapes, file.scene.round_triangles, kTrianglesOfSphere, kTrianglesOfCone,
+                  kMostRoundTriangles));
 }
 
 /// Gives rows of kMeridians points with normals, joined by quads; at a pole a quad becomes a triangle.

@@ -148,7 +148,7 @@ Status ObjFile::OtherLine(std::string_view keyword, TextCursor& rest) {
   } else if (keyword == "s") {
     SetSmoothing(rest.Word());
   } else if (keyword.find('\0') != std::string_view::npos) {
-    return lines_.FailHere("holds a zero byte, so this is no text file of a model");
+    return lines_.FailHere("holds a zero byte, so this is not a text file of a model");
   } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
     ++free_forms_;
   } else if (std::string lower; IsInCapitals(keyword, lower)) {

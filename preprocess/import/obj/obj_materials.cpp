@@ -68,7 +68,8 @@ void ObjMaterials::AddOwn() { ReadLibrary(obj_path_); }
 
 void ObjMaterials::WarnIfOutside(const std::string& by, const fs::path& file) {
   if (LeavesFolder(obj_path_, file))
-    warn_(fmt::format("{}: names the file {}, outside the model's folder; it is read", by, file.string()));
+    warn_(fmt::format("{}: names the file {}, outside the model's folder; it is read anyway", by,
+                      file.string()));
 }
 
 void ObjMaterials::ReadLibrary(const std::string& path) {
@@ -87,8 +88,7 @@ Result<uint32_t> ObjMaterials::Use(std::string_view name) {
   const auto found = entries_.find(name);
   if (found == entries_.end()) {
     if (missing_library_) return kNoIndex;  // already warned of
-    warn_(fmt::format("{}: the material {} is not defined, the default takes its place", obj_path_,
-                      Quoted(name)));
+    warn_(fmt::format("{}: the material {} is not defined; the default is used", obj_path_, Quoted(name)));
     return kNoIndex;
   }
   Entry& entry = found->second;
@@ -109,7 +109,7 @@ Status ObjMaterials::GiveToSink(Entry& entry) {
                           entry.library, texture.line, Quoted(texture.file), file.string()));
     }
     if (file.empty()) {
-      warn_(fmt::format("{}, line {}: the image {} is not there; the material does without", entry.library,
+      warn_(fmt::format("{}, line {}: the image {} is not there; the material does without it", entry.library,
                         texture.line, Quoted(texture.file)));
       continue;
     }

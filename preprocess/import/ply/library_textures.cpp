@@ -37,20 +37,21 @@ Status AddLibraryTextures(const std::vector<MaterialLibrary::Image>& images, con
     if (from.coordinates != 0) {
       if (!std::exchange(warned, true))
         sink.Warn(
-            fmt::format("{}: the material {} goes by more than one set of texture coordinates, of which a "
-                        "triangle carries one; it does without the textures of the others",
+            fmt::format("{}: the material {} uses more than one set of texture coordinates, and a triangle "
+                        "carries only one; textures of the others are left out",
                         model, Quoted(material.name)));
       continue;
     }
     const bool own = IsOfLibrary(from.file, library);
     const fs::path file = own ? fs::path(from.file) : FindFile(model, from.file);
     if (file.empty()) {
-      sink.Warn(fmt::format("{}: the image {} is not there; the material does without", model, Quoted(name)));
+      sink.Warn(
+          fmt::format("{}: the image {} is not there; the material does without it", model, Quoted(name)));
       continue;
     }
     if (!own && LeavesFolder(model, file))
-      sink.Warn(
-          fmt::format("{}: names the file {}, outside the model's folder; it is read", model, file.string()));
+      sink.Warn(fmt::format("{}: names the file {}, outside the model's folder; it is read anyway", model,
+                            file.string()));
     TextureImage image;
     image.file = file.string();
     image.name = name;

@@ -23,11 +23,11 @@ Result<std::vector<uint32_t>> AddPlyTextures(const PlyHeader& header, const std:
     material.diffuse = material.base_color = glm::vec3(1);
     const fs::path file = FindFile(path, name);
     if (file.empty()) {
-      sink.Warn(fmt::format("{}: the image {} (TextureFile) is not there; its faces do without", path,
+      sink.Warn(fmt::format("{}: the image {} (TextureFile) is not there; its faces do without it", path,
                             Quoted(name)));
     } else {
       if (LeavesFolder(path, file))
-        sink.Warn(fmt::format("{}: names the file {}, outside the model's folder; it is read", path,
+        sink.Warn(fmt::format("{}: names the file {}, outside the model's folder; it is read anyway", path,
                               file.string()));
       TextureImage image;
       image.file = file.string();

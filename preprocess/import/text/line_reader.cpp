@@ -59,7 +59,7 @@ Result<bool> LineReader::Next(std::string_view& line) {
     const std::string_view seen = bytes_.view();
     if (TakeLine(seen, searched, line)) return true;
     if (seen.size() == kLongestLine)
-      return FailHere("is longer than 1 MiB, so this is no text file of a model");
+      return FailHere("is longer than 1 MiB, so this is not a text file of a model");
     searched = seen.size();
   } while (bytes_.Ensure(searched + 1));
   if (bytes_.failed()) return bytes_.Truncated("");

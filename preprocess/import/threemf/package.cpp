@@ -98,9 +98,9 @@ Result<uint64_t> FindModelPart(ZipArchive& archive) {
         fmt::format("{}: its model, {}, is not in the archive", archive.path(), Quoted(relationships.model)));
   }
   if (const auto part = FindPart(archive, "3D/3dmodel.model")) return *part;
-  return Fail(
-      fmt::format("{}: is a zip archive without a 3D model, so no 3MF; unpack it, and give the model in it",
-                  archive.path()));
+  return Fail(fmt::format(
+      "{}: is a zip archive without a 3D model, so not a 3MF; unpack it, and give the model in it",
+      archive.path()));
 }
 
 }  // namespace quarry

@@ -65,7 +65,7 @@ class StructureReader final : public XmlHandler {
     ++depth_;
     if (skipped_ != 0) return {};
     if (depth_ == 1 && name != "model")
-      return Fail(fmt::format("the part is no model of 3MF: it begins with {}", Quoted(name)));
+      return Fail(fmt::format("the part is not a model of 3MF: it begins with {}", Quoted(name)));
     if (space == XmlSpace::kCore || space == XmlSpace::kNone) return Core(name, a);
     if (space == XmlSpace::kMaterial) return OfMaterials(name, a);
     skipped_ = depth_;
@@ -147,7 +147,7 @@ class StructureReader final : public XmlHandler {
     if (const char* const unit = a.Find("unit")) {
       const double metres = UnitInMetres(unit);
       if (metres == 0)
-        warn_(fmt::format("{}: the unit {} is none of 3MF; taken as millimetres", archive_.path(),
+        warn_(fmt::format("{}: the unit {} is not one of 3MF; taken as millimetres", archive_.path(),
                           Quoted(unit)));
       else
         s_.parts[part_].unit_in_metres = metres;

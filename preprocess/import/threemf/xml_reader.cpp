@@ -106,7 +106,8 @@ class Reading {
     if (!status_)
       why = status_.error().message;
     else if (const XML_Error error = XML_GetErrorCode(parser_.get()); error == XML_ERROR_NO_MEMORY)
-      why = fmt::format("its XML needs more than {} MiB to be read, as no model's does", kMostMemory >> 20);
+      why =
+          fmt::format("its XML needs more than {} MiB to be read, which no model's does", kMostMemory >> 20);
     else
       why = fmt::format("the XML is damaged ({})", XML_ErrorString(error));
     Error error;

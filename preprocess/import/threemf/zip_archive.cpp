@@ -121,7 +121,7 @@ Result<ZipArchive> ZipArchive::Open(const std::string& path, uint64_t unpack_lim
     if (archive.source_->over_budget)
       return Fail(fmt::format("{}: its directory has more than {}, for parts that no model has", path,
                               FormatSize(kMostDirectoryBytes)));
-    return Fail(fmt::format("{}: is no whole zip archive, as 3MF is ({}); get it anew", path, why));
+    return Fail(fmt::format("{}: is not a complete zip archive, as a 3MF is ({}); get it again", path, why));
   }
   zip_error_fini(&error);
   archive.source_->bounded = false;
@@ -189,14 +189,14 @@ Result<size_t> ZipArchive::Read(std::span<char> out) {
   if (unpacked_ <= most_) return static_cast<size_t>(got);
   const std::string why = limited_by_option_
                               ? std::string("--unpack-limit")
-                              : fmt::format("more than {} times its own {}, as no model does",
+                              : fmt::format("more than {} times its own {}, which no model does",
                                             ModelReader::kUnpackRatio, FormatSize(source_->size));
   return Fail(fmt::format("{}: it unpacks to more than {} ({}); --unpack-limit SIZE allows more", path_,
                           FormatSize(most_), why));
 }
 
 tl::unexpected<Error> ZipArchive::Damaged(const std::string& why) const {
-  return Fail(fmt::format("{}: {} cannot be unpacked ({}): the archive is damaged, get it anew", path_,
+  return Fail(fmt::format("{}: {} cannot be unpacked ({}): the archive is damaged, get it again", path_,
                           part_name_, why));
 }
 

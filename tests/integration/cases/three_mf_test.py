@@ -126,7 +126,7 @@ class ThreeMf(ModelCase):
         self.refused("3MF.*Not a zip archive|Not a zip", b"no archive")
         self.refused("DOCTYPE", model(PLAIN.replace("<model", '<!DOCTYPE m [<!ENTITY a "a">]><model')))
         self.refused("unpacks to more than .*--unpack-limit", model(), "--unpack-limit", 500)
-        self.refused("unpacks to more than .*as no model does", model(PLAIN.replace("<resources>", " " * (300 << 20) + "<resources>")))
+        self.refused("unpacks to more than .*which no model does", model(PLAIN.replace("<resources>", " " * (300 << 20) + "<resources>")))
         locked = bytearray(model())
         for signature, at in ((b"PK\3\4", 6), (b"PK\1\2", 8)):
             start = -1

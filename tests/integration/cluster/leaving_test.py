@@ -101,7 +101,7 @@ class Leaving(Case):
             if worker.wait(timeout=TIMEOUT_S) == 1:
                 break
         self.assertEqual(worker.returncode, 1)
-        self.assertIn("interrupted; its tiles go to other workers", worker.stderr.read())
+        self.assertIn("interrupted; its tiles are given to other workers", worker.stderr.read())
 
     def test_a_worker_without_a_master_ends_at_once(self):
         worker = self.start_worker("127.0.0.1:1")
@@ -132,11 +132,11 @@ class Leaving(Case):
             time.sleep(0.4 * PATIENCE)
         self.assertEqual(client.wait(timeout=TIMEOUT_S), 0)
         words = client.stderr.read()
-        self.assertGreater(words.count("it was told to end, and goes on with its jobs when it is started again"), 2, words)
+        self.assertGreater(words.count("it was stopped, and continues its jobs when it is started again"), 2, words)
         for i in range(len(frames)):
             self.assertEqual(pathlib.Path(self.path(f"walk.{i:04}.exr")).read_bytes(), pathlib.Path(self.path(f"alone.{i:04}.exr")).read_bytes())
         worker.kill()
-        self.assertIn("it was told to end", worker.stderr.read())
+        self.assertIn("it was stopped", worker.stderr.read())
 
 
 if __name__ == "__main__":

@@ -275,11 +275,11 @@ class Live(Case):
         self.assertEqual(ask("/stats", Host="evil.example")[0], 403)
         status, _, body = ask("/live?try=abc", Cookie=client.cookie, Sec_WebSocket_Key="AAAAAAAAAAAAAAAAAAAAAA==", Sec_WebSocket_Version="13")
         self.assertEqual(status, 426)
-        self.assertRegex(ask("/refusal?try=abc")[2], "proxy.*takes the headers Upgrade and Connection away")
+        self.assertRegex(ask("/refusal?try=abc")[2], "proxy.*removes the headers Upgrade and Connection")
         self.assertEqual(ask("/refusal?try=abd")[0], 404)
         upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Key": "AAAAAAAAAAAAAAAAAAAAAA==", "Sec_WebSocket_Version": "13"}
         self.assertEqual(ask("/live?try=def", Cookie=client.cookie, Origin="http://viewer.example.org", Host="viewer.example.org", **upgrade)[0], 403)
-        self.assertRegex(ask("/refusal?try=def")[2], "does not know the address of this page")
+        self.assertRegex(ask("/refusal?try=def")[2], "address of this page is not allowed")
 
     def test_views_stay_within_view_memory(self):
         url = self.start(self.store("plant", 20000), "--view-memory", "40M")
@@ -292,7 +292,7 @@ class Live(Case):
         said = second.receive()
         while isinstance(said, tuple) or said["type"] != "error":
             said = second.receive()
-        self.assertRegex(said["message"], r"too many viewers.*40.*--view-memory")
+        self.assertRegex(said["message"], r"no memory for another view.*40.*--view-memory")
         first.want(self.view(first, size=[200, 150]))  # gives the rest back
         first.until_exact()
         third = self.client(url)

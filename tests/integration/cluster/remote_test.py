@@ -150,7 +150,7 @@ class Remote(Case):
         self.assertNotIn("token-of-mine", str(heads), "another server gets no secret")
         self.must_fail(1, "more than 5 times", "quarry", "info", f"{server.url}/circle")
         self.remote.unlink()
-        refused = self.must_fail(1, r"latest/plant\.quarry: sends to http://127\.0\.0\.1:\d+/models/plant\.quarry\?.*404 .*\(NoSuchKey\)", "quarry", "info", url)
+        refused = self.must_fail(1, r"latest/plant\.quarry: redirects to http://127\.0\.0\.1:\d+/models/plant\.quarry\?.*404 .*\(NoSuchKey\)", "quarry", "info", url)
         self.assertNotIn("secret", refused.stderr)
 
     def test_proxies_of_the_environment(self):
@@ -168,7 +168,7 @@ class Remote(Case):
             self.must_fail(1, "models.example.*cannot be reached", "quarry", "info", url)
             self.assertEqual(len(proxy.targets), asked, "loopback and no_proxy")
             os.environ.update(no_proxy="", http_proxy="socks5://127.0.0.1:1")
-            self.must_fail(1, "http_proxy: only proxies that speak HTTP", "quarry", "info", url)
+            self.must_fail(1, "http_proxy: only HTTP proxies", "quarry", "info", url)
         certificate = self.certificate("DNS:models.example")
         secure = self.serve(certificate=certificate)
         tunnel = Proxy(secure.port)
@@ -181,7 +181,7 @@ class Remote(Case):
         certificate = self.certificate("DNS:localhost,IP:127.0.0.1")
         server = self.serve(certificate=certificate)
         url = f"{server.url}/models/plant.quarry".replace("127.0.0.1", "localhost")
-        self.must_fail(1, "its certificate is not believed: .*--http-ca", "quarry", "info", url)
+        self.must_fail(1, "its certificate is not trusted: .*--http-ca", "quarry", "info", url)
         self.must("quarry", "info", url, "--http-ca", certificate[0])
         for variable in ("AWS_CA_BUNDLE", "SSL_CERT_FILE"):
             with unittest.mock.patch.dict(os.environ, {"AWS_CA_BUNDLE": "", "SSL_CERT_FILE": "", variable: certificate[0]}):
@@ -267,14 +267,14 @@ class Remote(Case):
         server.ranges = False
         self.must_fail(1, "range", "quarry", "info", url)
         server.ranges, server.tells_size = True, False
-        self.must_fail(1, "does not tell the file's size", "quarry", "info", url)
+        self.must_fail(1, "does not state the file's size", "quarry", "info", url)
         server.tells_size = True
         damaged = bytearray(self.remote.read_bytes())
         damaged[len(damaged) // 2] ^= 1
         self.remote.write_bytes(damaged)
         self.must_fail(1, r"models/plant\.quarry: block \d+ at byte \d+ is damaged", "quarry", "verify", url)
         self.remote.write_bytes(damaged[:len(damaged) // 2])
-        self.must_fail(1, "incomplete: .* of .*; fetch it, or make it, again", "quarry", "info", url)
+        self.must_fail(1, "incomplete: .* of .*; fetch or make it again", "quarry", "info", url)
         self.remote.write_bytes(b"")
         self.must_fail(1, "plant.quarry", "quarry", "info", url)
         server.close()

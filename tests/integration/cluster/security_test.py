@@ -126,9 +126,9 @@ class BySecret(Security):
         for arguments in (("quarry-master", self.scene, "--listen", "127.0.0.1:0"), ("quarry-worker", "--master", "127.0.0.1:1"),
                           ("quarry", "render", self.scene, "-o", self.path("x.png"))):
             self.must_fail(2, r"a secret of 8 bytes can be guessed", *arguments, "--secret-file", self.secret("short", "12345678"))
-            self.must_fail(2, r"others than its owner may read this secret; chmod 600", *arguments, "--secret-file",
+            self.must_fail(2, r"users other than its owner may read this secret; chmod 600", *arguments, "--secret-file",
                            self.secret("open", mode=0o644))
-            self.must_fail(2, r"two ways to the same end", *arguments, "--secret-file", self.secret(), "--tls-ca", "x")
+            self.must_fail(2, r"cannot be used together", *arguments, "--secret-file", self.secret(), "--tls-ca", "x")
 
 
 class ByCertificates(Security):
@@ -172,7 +172,7 @@ class ByCertificates(Security):
         self.await_lines(master, r"127\.0\.0\.1:\d+ does not take this side's certificate \(unknown CA\)", 2)
         self.both_fail(r"asks for TLS; give --secret-file, or --tls-ca", address)
         self.await_lines(master, r"127\.0\.0\.1:\d+ does not speak TLS; give it --tls-ca", 2)
-        self.both_fail(r"shows a certificate instead of knowing the secret", address, "--secret-file", self.secret())
+        self.both_fail(r"uses certificates instead of a secret", address, "--secret-file", self.secret())
         self.start_worker(address, *self.options("client", "ca"), "--quiet")
         self.picture("after", "--master", address, *self.options("client", "ca"))
 
@@ -360,7 +360,7 @@ class Tokens(Case):
                         self.path("key"), "-out", self.path("cert")], check=True, capture_output=True)
         for mode in (0o640, 0o604, 0o620, 0o660, 0o644):
             os.chmod(self.path("key"), mode)
-            self.must_fail(2, "others than its owner may use this private key; chmod 600", "quarry-master", self.scene, "--listen",
+            self.must_fail(2, "users other than its owner may use this private key; chmod 600", "quarry-master", self.scene, "--listen",
                            "127.0.0.1:0", "--tls-cert", self.path("cert"), "--tls-key", self.path("key"), "--tls-ca", self.path("cert"))
         os.mkfifo(self.path("fifo"))
         self.must_fail(2, "is not a regular file", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--tls-cert",

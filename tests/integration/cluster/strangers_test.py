@@ -110,7 +110,7 @@ class Strangers(Case):
         self.assertEqual(self.picture("among-strangers", "--master", address), plain)
         self.assertIsNone(master.poll())
         self.assertIsNone(worker.poll())
-        said = [line for line in self.log().splitlines() if "as many as it takes" in line or "cannot accept" in line]
+        said = [line for line in self.log().splitlines() if "its limit; idle ones" in line or "cannot accept" in line]
         self.assertEqual(len(said), 1, said)
 
     def test_limits_of_files_are_raised(self):
@@ -158,7 +158,7 @@ class Strangers(Case):
             end(mute)
         master, address = self.master("--spool", spool)
         self.await_log(r"job [0-9a-f]{16} has ended 3 masters: it is set aside as \S+\.set-aside", 10)
-        self.must_fail(1, r"has ended the master 3 times and lies at \S+\.set-aside; remove that", "quarry", "render", self.scene, "-o",
+        self.must_fail(1, r"has ended the master 3 times and was moved to \S+\.set-aside; remove that", "quarry", "render", self.scene, "-o",
                        self.path("x.png"), *VIEW, "--master", address)
 
     def test_a_mute_worker_is_found_out(self):

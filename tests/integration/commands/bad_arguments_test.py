@@ -25,13 +25,13 @@ class BadJson(Case):
 
     def test_camera_paths(self):
         for text, sentence in (
-                ("", "byte 1"), ("{", "byte"), ("[]", "no object"), ("{}", "'frames' is missing"), ('{"frames": 3}', "frames: is no list"),
-                ('{"frames": []}', "frames: has no frame"), ('{"frames": [3]}', r"frames\[0\]: is no object"),
+                ("", "byte 1"), ("{", "byte"), ("[]", "must be an object"), ("{}", "'frames' is missing"), ('{"frames": 3}', "frames: must be a list"),
+                ('{"frames": []}', "frames: has no frame"), ('{"frames": [3]}', r"frames\[0\]: must be an object"),
                 ('{"frames": [{"eye": [0, 0, 1]}]}', r"frames\[0\]: 'at' is missing"),
                 ('{"frames": [{"eye": [0, 0, 1e999], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye\[2\] is the number 1e999"),
-                ('{"frames": [{"eye": [0, 0, "1"], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: three numbers should be here, like \[1, 2, 3\]"),
-                ('{"frames": [{"eye": {"x": 1}, "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: three numbers should be here"),
-                ('{"frames": [{"eye": [0, 0, 1], "at": [0, 0, 0], "fov": true}]}', r"frames\[0\]\.fov: is no number"),
+                ('{"frames": [{"eye": [0, 0, "1"], "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: must be three numbers, like \[1, 2, 3\]"),
+                ('{"frames": [{"eye": {"x": 1}, "at": [0, 0, 0]}]}', r"frames\[0\]\.eye: must be three numbers"),
+                ('{"frames": [{"eye": [0, 0, 1], "at": [0, 0, 0], "fov": true}]}', r"frames\[0\]\.fov: must be a number"),
                 ('{"frames": [{"eye": [0, 0, 1], "at": [0, 0, 0], "fov": 1e308}]}', r"frames\[0\]\.fov: must lie between"),
                 ("[" * 400000, "deeper than 64"), ('{"frames":' * 400000, "deeper than 64"),
                 ("[" + "0," * 5000000 + "0]", "more than 4194304 values"), ('"\\ud800"', "byte")):
@@ -39,8 +39,8 @@ class BadJson(Case):
 
     def test_lights(self):
         for text, sentence in (
-                ("{}", "'lights' is missing"), ('{"lights": {}}', "lights: is no list"), ('{"lights": [7]}', r"lights\[0\]: is no object"),
-                ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: is no text"), ('{"lights": [{"type": "moon"}]}', "neither sun nor point"),
+                ("{}", "'lights' is missing"), ('{"lights": {}}', "lights: must be a list"), ('{"lights": [7]}', r"lights\[0\]: must be an object"),
+                ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: must be a text"), ('{"lights": [{"type": "moon"}]}', "must be sun or point"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1]}]}', r"lights\[0\]: 'radiance' is missing"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: three numbers from 0 to 3.4e\+38 should"),
                 ('{"lights": [], "ambient": [1, 1, 1e999]}', r"ambient\[2\] is the number 1e999"),

@@ -290,7 +290,7 @@ class Interrupted(Case):
         out = self.folder / "out"
         out.mkdir()
         told = self.interrupt("quarry-preprocess", model, "-o", out / "x.quarry", "--quiet")
-        # A sentence names the work that --resume goes on with; resume_test tries that.
+        # A sentence names the work that --resume continues with; resume_test tries that.
         self.assertEqual([p.name for p in out.iterdir()], ["x.quarry.work"] if "--resume" in told else [])
         shutil.rmtree(out / "x.quarry.work", ignore_errors=True)
         scene = self.store("plant", 50000)

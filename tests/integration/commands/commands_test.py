@@ -48,7 +48,7 @@ class KeptStores(Case):
         red, kept = self.render("a.png")
         self.assertFalse(kept)
         self.assertEqual(self.render("b.png"), (red, True))
-        self.must_fail(2, r"m\.mtl: is read", "quarry", "render", self.model, "-o", self.path("x.png"), "--size", "32x32", "--stats",
+        self.must_fail(2, r"m\.mtl: is an input", "quarry", "render", self.model, "-o", self.path("x.png"), "--size", "32x32", "--stats",
                        self.path("m.mtl"), "--force")
         self.write("m.mtl", "newmtl a\nKd 0 1 0\n")  # the same length
         os.utime(self.path("m.mtl"), ns=(1, 1))
@@ -140,10 +140,10 @@ class KeptStores(Case):
             left = list((self.folder / "cache").glob("*.work"))
             done = self.must(*["quarry", *render[1:]])
             self.assertEqual((self.folder / "x.png").read_bytes(), pathlib.Path(reference).read_bytes())
-            self.assertEqual(bool(left), "going on with" in done.stderr, done.stderr)
+            self.assertEqual(bool(left), "continuing" in done.stderr, done.stderr)
             self.assertEqual(list((self.folder / "cache").glob("*.work")), [])
             if left:
-                self.assertIn("the same command goes on", errors)
+                self.assertIn("the same command continues", errors)
                 went_on = True
                 break
         if not went_on:

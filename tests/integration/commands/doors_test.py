@@ -234,7 +234,7 @@ class Doors(Case):
         self.must(*render, "--mode", "RayCast")
         self.must_fail(2, r"'2' is one argument too many; lists of numbers have no blanks: 1,2,3", *render, "--eye", "1", "2", "3")
         path = self.write("p.json", '{"frames": [{"eye": [1, 2], "at": [0, 0, 0]}]}')
-        self.must_fail(1, r"frames\[0\]\.eye: three numbers should be here, like \[1, 2, 3\]$", *render, "--camera-path", path)
+        self.must_fail(1, r"frames\[0\]\.eye: must be three numbers, like \[1, 2, 3\]$", *render, "--camera-path", path)
         for name in ("a.docx", "b"):
             (self.folder / name).write_bytes(bytes(range(256)))
             self.must_fail(1, r"PLY, OBJ, STL, OFF, glTF, GLB", "quarry-preprocess", self.path(name), "-o", self.path("s.quarry"))

@@ -80,14 +80,14 @@ class Outputs(Case):
                        self.path("soft.ply"), self.path("softer.ply")):
             for force in ([], ["--force"]):
                 with self.subTest(output=output, force=force):
-                    self.refused([model], "is read in this run", "quarry-preprocess", model, "-o", output, *force)
-        self.refused([model], "is read in this run", "quarry-preprocess", model, "-o", "x.quarry", "--stats", "hard.ply",
+                    self.refused([model], "is an input of this run", "quarry-preprocess", model, "-o", output, *force)
+        self.refused([model], "is an input of this run", "quarry-preprocess", model, "-o", "x.quarry", "--stats", "hard.ply",
                      "--force")
         path = self.put("path.json", '{"frames": [{"eye": [1, 1, 1], "at": [0, 0, 0]}]}')
-        self.refused([path], "is read in this run", "quarry", "render", self.scene, "-o", "x.png", "--camera-path", path,
+        self.refused([path], "is an input of this run", "quarry", "render", self.scene, "-o", "x.png", "--camera-path", path,
                      "--stats", path, "--force")
-        self.refused([self.scene], "is read in this run", "quarry", "render", self.scene, "-o", "x.png", "--stats", self.scene)
-        self.refused([self.scene], "is read in this run", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--trace",
+        self.refused([self.scene], "is an input of this run", "quarry", "render", self.scene, "-o", "x.png", "--stats", self.scene)
+        self.refused([self.scene], "is an input of this run", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--trace",
                      self.scene)
 
     def test_an_image_that_the_model_names_is_an_input(self):
@@ -95,7 +95,7 @@ class Outputs(Case):
         self.put("m.mtl", "newmtl m\nmap_Kd t.png\n")
         model = self.put("m.obj", "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
         before = seen(self.path("t.png"))
-        self.must_fail(2, "is read in this run", "quarry", "render", model, "-o", self.path("t.png"), "--force", *SMALL)
+        self.must_fail(2, "is an input of this run", "quarry", "render", model, "-o", self.path("t.png"), "--force", *SMALL)
         self.assertEqual(seen(self.path("t.png")), before)
 
     def test_force_does_not_replace_files_of_the_model(self):
@@ -106,7 +106,7 @@ class Outputs(Case):
             for arguments in (["-o", self.path(named)], ["-o", self.path("y.quarry"), "--stats", self.path(named)]):
                 with self.subTest(arguments=arguments):
                     before = seen(self.path(named))
-                    self.must_fail(2, "is read in this run", "quarry-preprocess", model, *arguments, "--force")
+                    self.must_fail(2, "is an input of this run", "quarry-preprocess", model, *arguments, "--force")
                     self.assertEqual(seen(self.path(named)), before)
         self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name or "lock" in p.name or "tmp" in p.name], [])
 
@@ -120,10 +120,10 @@ class Outputs(Case):
                           ["quarry-preprocess", self.model, "-o", self.path("y.quarry"), "--stats", notes],
                           ["quarry", "render", self.scene, "-o", self.path("x.png"), "--stats", notes, *SMALL]):
             with self.subTest(arguments=arguments):
-                self.refused([photo, notes], "is there already and is not .*--force", *arguments)
+                self.refused([photo, notes], "exists and is not .*--force", *arguments)
         os.rename(notes, self.path("notes.png"))
         picture = ["quarry", "render", self.scene, "-o", self.path("notes.png"), *SMALL]
-        self.refused([self.path("notes.png")], "is there already and is not a PNG image", *picture)
+        self.refused([self.path("notes.png")], "exists and is not a PNG image", *picture)
         self.must(*picture, "--force")
         os.rename(self.scene, self.path("store.png"))
         self.refused([self.path("store.png")], "is not a PNG image", "quarry", "render", self.model, "-o", self.path("store.png"))
@@ -184,8 +184,8 @@ class Outputs(Case):
             self.refused(folders, "is a folder", "quarry", "render", scene, "-o", folders[1])
             self.refused(folders, r"\.png or \.exr", "quarry", "render", scene, "-o", folders[0])
         self.refused(folders, "is a folder", "quarry-scene", "city", "--triangles", 1000, "-o", folders[2])
-        self.refused(folders, "is no folder", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--spool", self.model)
-        self.refused(folders, "is no folder", "quarry-worker", "--master", "127.0.0.1:1", "--disk-cache", self.model + ":1M")
+        self.refused(folders, "is not a folder", "quarry-master", self.scene, "--listen", "127.0.0.1:0", "--spool", self.model)
+        self.refused(folders, "is not a folder", "quarry-worker", "--master", "127.0.0.1:1", "--disk-cache", self.model + ":1M")
 
     def special(self):
         """A FIFO, and a device like /dev/null where they can be made."""
@@ -240,7 +240,7 @@ class Outputs(Case):
 
     def test_a_foreign_lock_file_is_left_alone(self):
         lock = self.put("package.lock", "{}")
-        self.refused([lock], "no lock of Quarry's", "quarry-preprocess", self.model, "-o", self.path("package"), "--quiet")
+        self.refused([lock], "not a lock file of Quarry", "quarry-preprocess", self.model, "-o", self.path("package"), "--quiet")
 
     def test_a_spool_leaves_foreign_files_alone(self):
         mine = self.folder / "spool" / "0123456789abcdef"
@@ -282,7 +282,7 @@ class Signals(Case):
                     interrupted += 1
                     work = [name for name in left if name.endswith(".work")]
                     kept += bool(work)
-                    self.assertEqual(bool(work), "x.quarry.work: the same command with --resume goes on" in told)
+                    self.assertEqual(bool(work), "x.quarry.work: the same command with --resume continues" in told)
                     self.assertEqual([n for n in left if not n.endswith(".work") and n != "x.quarry"], [])
             subprocess.run(["rm", "-rf", *map(str, out.iterdir()), *map(str, spill.iterdir())], check=True)
         self.assertGreater(interrupted, 20)

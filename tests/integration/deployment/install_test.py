@@ -210,7 +210,7 @@ class Readiness(Case):
                 # A trusted secret is read; then the address fails.
                 done = self.run_program(*command, env=environment)
                 self.assertNotEqual(done.returncode, 0)
-                self.assertEqual("others than its owner may read this secret" not in done.stderr, trusted, done.stderr)
+                self.assertEqual("users other than its owner may read this secret" not in done.stderr, trusted, done.stderr)
 
 
 if __name__ == "__main__":

@@ -211,7 +211,7 @@ class Failures(Cad):
     def test_helpers_that_fail(self):
         model, _ = self.written("a.step", 5, 5)
         begun = "say(3, facts); say(5, b'wheel'); say(6, struct.pack('<I', 0xFFFFFFFF)); say(7, bytes(72));"
-        lies = "gives an answer that cannot be"
+        lies = "gives an invalid answer"
         for script, sentence in (
                 ("os.kill(os.getpid(), signal.SIGKILL)", "ended by signal 9"),
                 (begun + "signal.signal(signal.SIGSEGV, signal.SIG_DFL); os.kill(os.getpid(), signal.SIGSEGV)", r"has crashed on it \(in \"wheel\"\): .*export triangles"),

@@ -117,7 +117,7 @@ class Foreign(Case):
         del quads
         refused = self.must_fail(1, "big.dae: needs more than --memory|big.dae: Assimp", "quarry-preprocess", self.folder / "big.dae", "-o",
                                  self.path("x.quarry"), "--memory", "64M")
-        self.assertRegex(refused.stderr, r"big.dae: is read by Assimp, which holds a model whole: in up to 50 times its bytes, \d+ MiB; it may take 64 MiB")
+        self.assertRegex(refused.stderr, r"big.dae: is read by Assimp, which loads a model whole, in up to 50 times its size of \d+ MiB; it may take 64 MiB")
         (self.folder / "big.dae").unlink()
 
     def test_collada(self):
@@ -138,7 +138,7 @@ class Foreign(Case):
         for name, content in (("junk.fbx", os.urandom(5000)), ("a.txt", b"hello"), ("cut.dae", model.read_bytes()[:900])):
             with self.subTest(name=name):
                 (self.folder / name).write_bytes(content)
-                self.must_fail(1, name + ": (Assimp|is of none of the formats)", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
+                self.must_fail(1, name + ": (Assimp|is in none of the formats)", "quarry-preprocess", self.folder / name, "-o", self.path("x.quarry"), "--quiet")
         if PATIENCE == 1:  # with sanitizers nothing is limited
             self.expect_too_large()
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ["a.txt", "cut.dae", "junk.fbx", "two.dae", "two.quarry"])

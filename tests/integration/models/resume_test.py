@@ -66,7 +66,7 @@ class Resume(Case):
                 kills += 1
                 run.wait()
             told = run.stderr.read()
-            went_on += "going on with" in told
+            went_on += "continuing" in told
             if run.returncode == 0:
                 self.must_be(whole)
                 if kills >= KILLS:
@@ -112,7 +112,7 @@ class Resume(Case):
         again = self.start("--resume")
         told = again.communicate()[1]
         self.assertEqual(again.returncode, 0, told)
-        self.assertIn("beginning anew", told)
+        self.assertIn("starting from the beginning", told)
         self.must_be(whole)
 
     def test_an_interrupt_names_the_kept_files(self):
@@ -120,7 +120,7 @@ class Resume(Case):
         run = self.start("--quiet")
         self.wait_for(lambda: (self.work / "region-0").exists(), run)
         run.send_signal(signal.SIGINT)
-        self.assertIn("--resume goes on", run.communicate()[1])
+        self.assertIn("--resume continues", run.communicate()[1])
         self.assertEqual(run.returncode, 1)
         self.assertTrue(self.work.is_dir())
         # Other options, or other models, are no part of this.
@@ -187,7 +187,7 @@ class Resume(Case):
             if done.returncode == 0:
                 self.must_be(whole)
             else:
-                self.assertRegex(done.stderr, "begin anew without --resume\n$")
+                self.assertRegex(done.stderr, "start again without --resume\n$")
 
     def test_a_full_disk_that_gets_space_again(self):
         if os.geteuid() != 0:
@@ -202,7 +202,7 @@ class Resume(Case):
             self.skipTest("tmpfs cannot be mounted here")
         try:
             command = ["quarry-preprocess", self.model + ".gz", "-o", self.store, "--tmp", small, "--quiet", "--resume"]
-            self.must_fail(1, r"No space left.*--resume goes on", *command)
+            self.must_fail(1, r"No space left.*--resume continues", *command)
             subprocess.run(["mount", "-o", "remount,size=200M", small], check=True)
             self.must(*command)
             self.must_be(whole)

@@ -75,12 +75,12 @@ TEST_CASE("Values of the wrong type are named by file and key", "[json]") {
   CHECK_FALSE(whole.Optional("m")->has_value());
   CHECK(item.Member("at").error().message == "f.json: list[0]: 'at' is missing");
   CHECK_THAT(item.Member("eye")->Numbers(eye, 0, 2).error().message,
-             Contains("f.json: list[0].eye: three numbers"));
+             Contains("f.json: list[0].eye: must be three numbers"));
   CHECK_THAT(item.Member("two")->Numbers(std::span(eye, 2), 0, 2).error().message, Contains("list[0].two"));
-  CHECK_THAT(item.Member("name")->Number().error().message, Contains("list[0].name: is no number"));
-  CHECK_THAT(item.Member("eye")->Text().error().message, Contains("list[0].eye: is no text"));
-  CHECK_THAT(whole.Member("n")->List().error().message, Contains("n: is no list"));
-  CHECK_THAT(whole.Member("n")->Member("x").error().message, Contains("n: is no object"));
+  CHECK_THAT(item.Member("name")->Number().error().message, Contains("list[0].name: must be a number"));
+  CHECK_THAT(item.Member("eye")->Text().error().message, Contains("list[0].eye: must be a text"));
+  CHECK_THAT(whole.Member("n")->List().error().message, Contains("n: must be a list"));
+  CHECK_THAT(whole.Member("n")->Member("x").error().message, Contains("n: must be an object"));
 }
 
 TEST_CASE("Json is read from regular files only", "[json]") {

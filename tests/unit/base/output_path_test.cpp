@@ -97,7 +97,7 @@ TEST_CASE("An output that is also an input is refused, however it is spelt", "[o
     for (const std::string& name : {std::string("model.png"), std::string("./model.png"),
                                     "../" + fs::path(folder.path()).filename().string() + "/model.png",
                                     std::string("hard.png"), std::string("soft.png")})
-      CHECK_THAT(Refusal(guard, folder.file(name)), Contains("is read in this run"));
+      CHECK_THAT(Refusal(guard, folder.file(name)), Contains("is an input of this run"));
     CHECK(Refusal(guard, folder.file("new.png")) == "");
     CHECK_THAT(Refusal(guard, folder.file("./new.png")), Contains("is written twice"));
   }
@@ -111,7 +111,7 @@ TEST_CASE("A file of another kind is replaced by force only", "[outputs]") {
                     stats = Put(folder, "stats", "{\n  \"scene_id\": \"1\"}");
   OutputGuard guard(Force::kNo);
   CHECK_THAT(Refusal(guard, notes), Contains("is not a PNG image") && Contains("--force"));
-  CHECK_THAT(Refusal(guard, gltf, kStatisticsOutput), Contains("is not a file of Quarry's statistics"));
+  CHECK_THAT(Refusal(guard, gltf, kStatisticsOutput), Contains("is not a statistics file of Quarry"));
   OutputGuard of_bench(Force::kNo);
   CHECK_THAT(Refusal(of_bench, gltf, kFiguresOutput), Contains("is not a JSON file of figures"));
   CHECK(Refusal(guard, empty) == "");
@@ -121,7 +121,7 @@ TEST_CASE("A file of another kind is replaced by force only", "[outputs]") {
   CHECK(Refusal(forced, notes) == "");
   CHECK_THAT(Refusal(without, notes), Contains("remove it first") && !Contains("--force"));
   CHECK(TextOf(notes) == "mine");
-  CHECK_THAT(OutputGuard::TakeFolder(notes).error().message, Contains("is no folder"));
+  CHECK_THAT(OutputGuard::TakeFolder(notes).error().message, Contains("is not a folder"));
   CHECK(OutputGuard::TakeFolder(folder.path()).has_value());
   CHECK(OutputGuard::TakeFolder(folder.file("new")).has_value());
 }
@@ -134,7 +134,7 @@ TEST_CASE("An output that has been read is not replaced; a file that only has it
   REQUIRE(Refusal(guard, read) == "");
   CHECK(CheckNotRead(read));
   NoteRead(read);
-  CHECK_THAT(CheckNotRead(read).error().message, Contains("is read in this run"));
+  CHECK_THAT(CheckNotRead(read).error().message, Contains("is an input of this run"));
   // Most file systems give a deleted file's inode to the next one.
   for (int i = 0; i < 8; ++i) {
     const std::string name = "taken-" + std::to_string(i);

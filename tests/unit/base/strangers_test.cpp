@@ -165,7 +165,7 @@ TEST_CASE("A claimed size costs nothing, and all bytes received of unfinished me
   }
   server.Stranger();
   CHECK(std::ranges::count_if(server.closed, [](const std::string& why) {
-          return why.find("half-read messages") != std::string::npos;
+          return why.find("incomplete messages") != std::string::npos;
         }) > 20);
   CHECK(PeakResidentBytes() - before < (24 << 20));
 }
@@ -194,7 +194,7 @@ TEST_CASE("Half a message, silence, and a peer that does not read have time limi
   look(29);
   CHECK(server.closed[0].empty());
   look(40);
-  CHECK_THAT(server.closed[0], Catch::Contains("half-read for too long"));
+  CHECK_THAT(server.closed[0], Catch::Contains("incomplete for too long"));
   CHECK(server.closed[1].empty());
   look(62);
   CHECK_THAT(server.closed[1], Catch::Contains("idle for 60 seconds"));
@@ -238,7 +238,7 @@ TEST_CASE("A server that sends more than a block is disconnected", "[strangers]"
   server.connections[0]->Send({MessageType::kBlock, 1, {}, Bytes(1001)});
   REQUIRE(both([&] { return got.has_value(); }));
   REQUIRE_FALSE(got->has_value());
-  CHECK_THAT(got->error().message, Catch::Contains("larger than was asked for"));
+  CHECK_THAT(got->error().message, Catch::Contains("larger than requested"));
 }
 
 namespace {

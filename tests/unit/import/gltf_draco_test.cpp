@@ -217,7 +217,7 @@ TEST_CASE("glTF by Draco: invalid members are refused with one sentence", "[impo
           "KHR_draco_mesh_compression.bufferView is missing");
   refused([](Builder& b) { ExtensionOf(b)["bufferView"] = 9; }, "bufferViews[9] is not there");
   refused([](Builder& b) { ExtensionOf(b)["attributes"]["NORMAL"] = 77; }, "it has no attribute 77");
-  refused([](Builder& b) { ExtensionOf(b)["attributes"]["NORMAL"] = -1; }, "NORMAL is no whole number");
+  refused([](Builder& b) { ExtensionOf(b)["attributes"]["NORMAL"] = -1; }, "NORMAL is not a whole number");
   refused([](Builder& b) { b.json["bufferViews"][0]["byteLength"] = uint64_t{1} << 60; },
           "buffers[0] ends at byte");
   refused([](Builder& b) { b.json["accessors"][2]["type"] = "VEC3"; },
@@ -263,7 +263,7 @@ TEST_CASE("glTF by Draco: the decoder stays within its memory, and a missing dec
   CHECK_THAT(error_of(script("library", "exit 127\n")),
              Catch::Contains("install Draco (Debian's package libdraco7)"));
   CHECK_THAT(error_of(script("lies", "printf '\\1\\0\\0\\0\\4\\0\\0\\0abcd'\ncat > /dev/null\n")),
-             Catch::Contains("the decoder gives an answer that cannot be"));
+             Catch::Contains("the decoder gives an invalid answer"));
 }
 
 TEST_CASE("glTF by Draco: a mesh larger than the decoder's memory is refused", "[import][gltf][draco]") {

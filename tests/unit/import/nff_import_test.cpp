@@ -112,7 +112,7 @@ TEST_CASE("NFF: too many spheres and cones are refused with figures") {
   for (int i = 0; i < 94697; ++i) text += "s 0 0 0 1\n";
   CHECK(ErrorOf("a.nff", text) ==
         "a.nff, line 94706: its first 94697 spheres and cones become 50000016 triangles (528 a sphere, 48 a "
-        "cone), and at most 50000000 are made; give fewer a model, or meshes of your own");
+        "cone), and at most 50000000 are made; give a model with fewer, or with meshes instead");
 }
 
 TEST_CASE("Broken NFF and AFF files are refused with the place") {
@@ -123,7 +123,8 @@ TEST_CASE("Broken NFF and AFF files are refused with the place") {
         "a.nff, line 5: the file ends where a corner should be");
   CHECK(ErrorOf("a.nff", head + "p 99999999\n").find("the number of corners should be here, from 0 to") !=
         std::string::npos);
-  CHECK(ErrorOf("a.nff", head + "q 1\n") == "a.nff, line 2: \"q\" is no entity of NFF or AFF that is read");
+  CHECK(ErrorOf("a.nff", head + "q 1\n") ==
+        "a.nff, line 2: \"q\" is not an entity of NFF or AFF that is read");
   CHECK(ErrorOf("a.aff", head + "xs 1 1 1 0 0 1 0 0 0 0 {\n").find("the file ends before a '}'") !=
         std::string::npos);
   CHECK(ErrorOf("a.aff", head + "}\n").find("a '}' without its '{'") != std::string::npos);
@@ -131,7 +132,7 @@ TEST_CASE("Broken NFF and AFF files are refused with the place") {
             .find("an index should be here") != std::string::npos);
   CHECK(ErrorOf("a.aff", head + "i 0 none.aff\n").find("none.aff") != std::string::npos);
   // A file that includes itself.
-  CHECK(ErrorOf("self.aff", head + "i 0 self.aff\n").find("files included in one another are too many") !=
+  CHECK(ErrorOf("self.aff", head + "i 0 self.aff\n").find("nested included files are too many") !=
         std::string::npos);
   CHECK(ErrorOf("a.nff", head) == "a.nff: holds no triangles");
 }

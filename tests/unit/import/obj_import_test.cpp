@@ -153,12 +153,12 @@ TEST_CASE("OBJ: errors name the line", "[import][obj]") {
         "a.obj, line 4: the face refers to vertex 4, but the file has only 3");
   CHECK(ErrorOf("a.obj", kVertices + "f 1 2\n") == "a.obj: holds no triangles");
   CHECK(ErrorOf("a.obj", std::string(2 << 20, 'x')) ==
-        "a.obj, line 1: is longer than 1 MiB, so this is no text file of a model");
+        "a.obj, line 1: is longer than 1 MiB, so this is not a text file of a model");
   std::string face = kVertices + "f";
   for (int i = 0; i < 65537; ++i) face += " 1";
   CHECK(ErrorOf("a.obj", face) == "a.obj, line 4: the face has more than 65536 corners");
   CHECK(ErrorOf("a.obj", std::string("ab\0c\n", 5)) ==
-        "a.obj, line 1: holds a zero byte, so this is no text file of a model");
+        "a.obj, line 1: holds a zero byte, so this is not a text file of a model");
 }
 
 TEST_CASE("OBJ: lines across the buffer's end stay whole", "[import][obj]") {

@@ -40,9 +40,9 @@ const std::string kEmpty = "holds no triangles";
 const std::map<std::string, Expectation> kDifferent = {
     // No polygons at all: broken text, lines, points, faces of one or two corners.
     {"slicertestmodels/broken/empty_file.stl", {": is empty"}},
-    {"slicertestmodels/broken/invalid_stl_ascii.stl", {", line 2: \"Ha,\" is no word of an ASCII STL"}},
-    {"slicertestmodels/broken/random_bits.stl", {"is no ASCII STL, and as a binary STL it would need"}},
-    {"slicertestmodels/broken/text_file.stl", {"is no ASCII STL, and as a binary STL it would need"}},
+    {"slicertestmodels/broken/invalid_stl_ascii.stl", {", line 2: \"Ha,\" is not a word of an ASCII STL"}},
+    {"slicertestmodels/broken/random_bits.stl", {"is not an ASCII STL, and as a binary STL it would need"}},
+    {"slicertestmodels/broken/text_file.stl", {"is not an ASCII STL, and as a binary STL it would need"}},
     {"slicertestmodels/broken/random_bits.obj", {"holds a zero byte"}},
     {"tinyobjloader/invalid-face-definition.obj", {kEmpty}},
     {"tinyobjloader/issue-356-leading-spaces-newmtl.obj", {kEmpty}},
@@ -121,7 +121,7 @@ TEST_CASE("Odd glTF and OFF files are read, or refused with the reason", "[impor
   if (!scenes) return;
   const std::map<std::string, Expectation> files = {
       {"slicertestmodels/off/cube.off", {"", 12}},
-      {"tinygltf/BoundsChecking/integer-out-of-bounds.gltf", {"byteLength is no whole number"}},
+      {"tinygltf/BoundsChecking/integer-out-of-bounds.gltf", {"byteLength is not a whole number"}},
       // No scene shows these meshes.
       {"tinygltf/BoundsChecking/invalid-buffer-index.gltf", {kEmpty}},
       {"tinygltf/BoundsChecking/invalid-buffer-view-index.gltf", {kEmpty}},

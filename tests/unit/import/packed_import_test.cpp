@@ -138,5 +138,5 @@ TEST_CASE("OFF: errors name the line", "[import][off]") {
   CHECK(ErrorOf("m.off", "OFF\n99999999999 1 0\n") ==
         "m.off, line 2: the numbers of vertices and faces should be here");
   CHECK(ErrorOf("m.off", "4OFF\n1 1 0\n") ==
-        "m.off, line 1: OFF of other than 3 dimensions is not read; write it with three coordinates");
+        "m.off, line 1: OFF is read in 3 dimensions only; write it with three coordinates");
 }

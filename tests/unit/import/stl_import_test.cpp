@@ -62,10 +62,10 @@ TEST_CASE("STL: solids with names are parts; case and lines do not matter", "[im
 TEST_CASE("STL: errors name the place", "[import][stl]") {
   CHECK(ErrorOf("a.stl", "") == "a.stl: is empty");
   CHECK(ErrorOf("a.stl", "hello") ==
-        "a.stl: is no ASCII STL, and as a binary STL it would need 84 bytes, but it has 5");
+        "a.stl: is not an ASCII STL, and as a binary STL it would need 84 bytes, but it has 5");
   CHECK(ErrorOf("a.stl", BinaryStl("x", 3, 2)) ==
-        "a.stl: is no ASCII STL, and as a binary STL it would need 234 bytes, but it has 184");
-  CHECK(ErrorOf("a.stl", "solid\nhello\n") == "a.stl, line 2: \"hello\" is no word of an ASCII STL");
+        "a.stl: is not an ASCII STL, and as a binary STL it would need 234 bytes, but it has 184");
+  CHECK(ErrorOf("a.stl", "solid\nhello\n") == "a.stl, line 2: \"hello\" is not a word of an ASCII STL");
   CHECK(ErrorOf("a.stl", "solid\nfacet\nvertex 0 0\n") == "a.stl, line 3: a vertex needs three numbers");
   CHECK(ErrorOf("a.stl", "solid\nvertex 0 0 0\n") == "a.stl, line 2: a vertex stands outside of any facet");
   CHECK(ErrorOf("a.stl", "solid\nfacet\nendfacet\n") == "a.stl, line 3: the facet has 0 corners");

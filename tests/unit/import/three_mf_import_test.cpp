@@ -242,7 +242,7 @@ TEST_CASE("3MF: the archive's relationships name the model", "[import][3mf]") {
   const ZipParts parts = {
       {"Metadata/a.png", "no image"},
       {"_rels/.rels", Relationships(thumbnail + Relationship("3D\\Größe%20A.model", kModelType))},
-      {"3d/größe a.MODEL", "no model"},
+      {"3d/größe a.MODEL", "not a model"},
       {"3D/Größe A.model", Square()}};
   CHECK(ImportText("a.3mf", Zip(parts, 0), sink) == "");
   CHECK(sink.triangles == 2);
@@ -260,10 +260,11 @@ TEST_CASE("3MF: the archive's relationships name the model", "[import][3mf]") {
   RecordingSink unnamed;
   CHECK(ImportText("a", Zip(ThreeMfParts(Square())), unnamed) == "");
   CHECK(unnamed.triangles == 2);
-  CHECK_THAT(ErrorOf("a.3mf", Zip({{"a.obj", "v 0 0 0"}})), Catch::Contains("without a 3D model, so no 3MF"));
+  CHECK_THAT(ErrorOf("a.3mf", Zip({{"a.obj", "v 0 0 0"}})),
+             Catch::Contains("without a 3D model, so not a 3MF"));
   CHECK_THAT(ErrorOf("a.3mf", Zip({{"_rels/.rels", Relationships(Relationship("/b.model", kModelType))}})),
              Catch::Contains("its model, \"/b.model\", is not in the archive"));
-  CHECK_THAT(ErrorOf("a.3mf", "no zip at all"), Catch::Contains("is no whole zip archive"));
+  CHECK_THAT(ErrorOf("a.3mf", "no zip at all"), Catch::Contains("is not a complete zip archive"));
 }
 
 TEST_CASE("3MF: encrypted archives and unknown packings are refused", "[import][3mf]") {

@@ -309,7 +309,7 @@ TEST_CASE("A first message that is not a greeting is not read") {
   asio::write(peer, asio::buffer(EncodePreamble()));
   asio::write(peer, asio::buffer(EncodeFrameHeader(claim)));
   REQUIRE(network.Run([&] { return network.accepted.size() == 1 && network.accepted[0]->closed; }));
-  CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("type 5, which is no greeting"));
+  CHECK_THAT(network.accepted[0]->closed->message, Catch::Contains("type 5, which is not a greeting"));
 }
 
 TEST_CASE("A message with a changed bit drops the connection and is not delivered") {

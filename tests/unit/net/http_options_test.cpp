@@ -210,7 +210,7 @@ TEST_CASE("Proxies are taken from the environment, except for hosts that need no
   CHECK(proxy_for("http://models.example/x") == "none");
   ::unsetenv("no_proxy");
   ::setenv("http_proxy", "socks5://user:secret@h:1", 1);
-  CHECK_THAT(proxy_for("http://models.example/x"), Contains("http_proxy: only proxies that speak HTTP"));
+  CHECK_THAT(proxy_for("http://models.example/x"), Contains("http_proxy: only HTTP proxies"));
   CHECK(proxy_for("http://models.example/x").find("secret") == std::string::npos);
   for (const char* name : names) ::unsetenv(name);
 }
@@ -231,7 +231,7 @@ TEST_CASE("A redirection leads to an absolute address or a relative one, and nev
   CHECK(to("https://h/a", "http://o/x?secret").find("secret") == std::string::npos);
   CHECK_THAT(to("http://h/a", "ftp://o/x"), Contains("neither http:// nor https://"));
   CHECK_THAT(to("http://h/a", "http://user@o/x"), Contains("user or password"));
-  CHECK_THAT(to("http://h/a", ""), Contains("does not say where"));
+  CHECK_THAT(to("http://h/a", ""), Contains("redirects without an address"));
 }
 
 // Examples of "Signature Calculations for the Authorization Header" in the S3 API reference: 24 May 2013.

@@ -105,7 +105,7 @@ TEST_CASE("Wrong certificate files are named") {
   CHECK_THAT(UsageError(Security::ForServer({{}, text, text, text})),
              Catch::Contains(text + ": not a certificate"));
   CHECK_THAT(UsageError(Security::ForServer({{}, text, open, text})),
-             Catch::Contains(open + ": others than its owner"));
+             Catch::Contains(open + ": users other than its owner"));
 }
 
 TEST_CASE("Security flags beat the environment") {

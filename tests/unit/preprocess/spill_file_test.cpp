@@ -141,7 +141,7 @@ TEST_CASE("A spill file continues where it was synchronised, and only there") {
   CHECK(WrongIn(*file, 0, kCount / 2 + 100) == 0);
   const auto refused = [&](uint64_t count) {
     const auto opened = SpillFile::Open(path, sizeof(Element), count);
-    return !opened && opened.error().message.find("begin anew without --resume") != std::string::npos;
+    return !opened && opened.error().message.find("start again without --resume") != std::string::npos;
   };
   CHECK(refused(kCount));
   CHECK(refused(kCount / 2 + 50));  // within a block

@@ -141,7 +141,7 @@ TEST_CASE("Impossible textures of a material file are named") {
   };
   CHECK(fault(R"([{"use": "normal", "file": "a.png"}])").empty());
   CHECK_THAT(fault("3"), Catch::Contains("materials[0].textures must be an array"));
-  CHECK_THAT(fault("[3]"), Catch::Contains("materials[0].textures[0] cannot be"));
+  CHECK_THAT(fault("[3]"), Catch::Contains("materials[0].textures[0] is invalid"));
   const std::pair<const char*, const char*> kWrong[] = {
       {"use", R"({"file": "a"})"},
       {"use", R"({"use": "wood", "file": "a"})"},
@@ -157,9 +157,9 @@ TEST_CASE("Impossible textures of a material file are named") {
       {"cutoff", R"({"use": "bump", "file": "a", "cutoff": "x"})"}};
   for (const auto& [member, text] : kWrong)
     CHECK_THAT(fault(std::string("[") + text + "]"),
-               Catch::Contains(std::string("materials[0].textures[0].") + member + " cannot be"));
+               Catch::Contains(std::string("materials[0].textures[0].") + member + " is invalid"));
   CHECK_THAT(fault(R"([{"use": "bump", "file": "a"}, {"use": "bump", "file": "b"}])"),
-             Catch::Contains("has two of one use"));
+             Catch::Contains("has two textures of one use"));
 }
 
 }  // namespace quarry

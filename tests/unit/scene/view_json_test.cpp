@@ -93,16 +93,16 @@ TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf(R"({"camera": {"eye": [0,0,0], "at": [1,0,0], "ortho": 0}})"),
              Contains("camera.ortho: must be a positive height"));
   CHECK_THAT(ErrorOf(R"({"size": [3]})"), Contains("v.json: size: "));
-  CHECK_THAT(ErrorOf(R"({"mode": "photon"})"), Contains("v.json: mode: is no mode"));
-  CHECK_THAT(ErrorOf(R"({"spp": 1.5})"), Contains("v.json: spp: is no whole number"));
+  CHECK_THAT(ErrorOf(R"({"mode": "photon"})"), Contains("v.json: mode: is not a mode"));
+  CHECK_THAT(ErrorOf(R"({"spp": 1.5})"), Contains("v.json: spp: must be a whole number"));
   CHECK_THAT(ErrorOf(R"({"spp": 4294967296})"), Contains("v.json: spp: is too large"));
-  CHECK_THAT(ErrorOf(R"({"aov": ["deep"]})"), Contains("v.json: aov[0]: is no layer"));
-  CHECK_THAT(ErrorOf(R"({"up_axis": "x"})"), Contains("v.json: up_axis: is neither y nor z"));
+  CHECK_THAT(ErrorOf(R"({"aov": ["deep"]})"), Contains("v.json: aov[0]: is not a layer"));
+  CHECK_THAT(ErrorOf(R"({"up_axis": "x"})"), Contains("v.json: up_axis: must be y or z"));
   CHECK_THAT(ErrorOf(R"({"ao": {"rays": 1}})"), Contains("v.json: ao: 'rays' is not known"));
   CHECK_THAT(ErrorOf(R"({"ao": {"distance": 1e300}})"), Contains("v.json: ao.distance: is too large"));
   CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"),
-             Contains("lights[0].type: is neither sun nor point"));
-  CHECK_THAT(ErrorOf("[]"), Contains("v.json: is no object"));
+             Contains("lights[0].type: must be sun or point"));
+  CHECK_THAT(ErrorOf("[]"), Contains("v.json: must be an object"));
 }
 
 TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {

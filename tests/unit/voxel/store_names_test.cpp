@@ -157,7 +157,7 @@ TEST_CASE("Entries that all name one long string take no memory for each", "[sto
   }
   const auto described = DescribeStore(*store.Open());
   REQUIRE_FALSE(described);
-  CHECK_THAT(described.error().message, Catch::Contains("name more than the names that it has"));
+  CHECK_THAT(described.error().message, Catch::Contains("refer to more names than it has"));
   // Cameras keep their names, so that they have a limit together.
   const uint64_t cameras = store.Begin(SectionType::kCameras);
   for (uint64_t i = 0; i < 2000; ++i) store.Put(cameras + 96 * i, where);

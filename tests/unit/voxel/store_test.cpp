@@ -187,19 +187,19 @@ TEST_CASE("A store whose directory states wrong positions of voxels is refused")
   const float nan = std::numeric_limits<float>::quiet_NaN();
   CHECK(fault([](EncodedVoxel&) {}, leaf).empty());
   CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_upper.y = 0.5f; }, leaf),
-             Catch::Contains("lie elsewhere than the VDIR section says"));
+             Catch::Contains("lie elsewhere than the VDIR section states"));
   CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_lower.x = 2; }, leaf),
-             Catch::Contains("lies where it cannot"));
+             Catch::Contains("lies at an invalid place"));
   CHECK_THAT(fault([](EncodedVoxel& v) { v.bounds_upper.z = 2; }, leaf),
-             Catch::Contains("lies where it cannot"));
+             Catch::Contains("lies at an invalid place"));
   CHECK_THAT(fault([&](EncodedVoxel& v) { v.bounds_lower.z = nan; }, leaf),
-             Catch::Contains("lies where it cannot"));
+             Catch::Contains("lies at an invalid place"));
   // A decoded size too small for the block's stored size, and the least possible size, which is not the true
   // one.
   const auto decodes_to = [](uint32_t less) {
     return [=](EncodedVoxel& v) { v.hot_decoded = (static_cast<uint32_t>(v.hot.size()) - 15) / 2 - less; };
   };
-  CHECK_THAT(fault(decodes_to(1), leaf), Catch::Contains("has a size or place that cannot be"));
+  CHECK_THAT(fault(decodes_to(1), leaf), Catch::Contains("has an invalid size or place"));
   CHECK_THAT(fault(decodes_to(0), leaf), Catch::Contains("more bytes than the directory's entry allows") ||
                                              Catch::Contains("counts do not fit its size"));
   // In two leaves; and within another's chain.
@@ -373,8 +373,8 @@ TEST_CASE("Symbols that form no tree are refused") {
   CHECK(refusal({4, 0, 5}) == "voxel block: nodes beyond the tree");
   for (const std::array<int, 3> other : {std::array{0, 0, 5}, {0, 4, 0}, {4, 4, 5}})
     CHECK(refusal(other) == "voxel block: not as many inner nodes as planes");
-  CHECK(refusal({0, 4, 6}) == "voxel block: leaves have not the references there are");
-  CHECK(refusal({0, 3, 3}) == "voxel block: leaves have not the references there are");
+  CHECK(refusal({0, 4, 6}) == "voxel block: leaves do not have all references");
+  CHECK(refusal({0, 3, 3}) == "voxel block: leaves do not have all references");
 }
 
 TEST_CASE("Decoding marks see-through triangles by their material, and parts stay as they are") {
@@ -448,7 +448,7 @@ TEST_CASE("A hot block whose opacity masks hold a fourth state is refused") {
   CHECK(Refusal(v).empty());
   for (int bit = 0; bit < 32; bit += 2) {
     v.masks[1] = kTransparentMask | 1u << bit;
-    CHECK_THAT(Refusal(v), Catch::Contains("an opacity mask holds a state that cannot be"));
+    CHECK_THAT(Refusal(v), Catch::Contains("an opacity mask holds an invalid state"));
   }
 }
 

@@ -147,7 +147,7 @@ TEST_CASE("Impossible directories of textures are refused", "[texture][store]") 
     return decoded ? "" : decoded.error().message;
   };
   CHECK(refused(texture) == "");
-  CHECK(refused(texture, 1001).find("texture 0 has a page of a size or in a place") != std::string::npos);
+  CHECK(refused(texture, 1001).find("texture 0 has a page of an invalid size or place") != std::string::npos);
   const auto changed = [&](auto&& change) {
     Texture t = texture;
     change(t);
@@ -210,7 +210,7 @@ TEST_CASE("A directory of more pages than there may be is refused before any is 
     return DecodeTextures(out.bytes(), 0, 100).error().message;
   };
   const uint32_t pages = TextureShape(kMaxTextureSide, kMaxTextureSide).pages(), most = kMaxPages / pages;
-  CHECK(fault(most + 1) == "the TEXD section has more pages than there may be");
+  CHECK(fault(most + 1) == "the TEXD section has too many pages");
   CHECK(fault(most).find("the TEXD section's texture 0 has") == 0);
 }
 

@@ -182,7 +182,7 @@ TEST_CASE("A folder that cannot be made is reported once, and blocks are fetched
   const auto c = cached.End();
   CHECK(c.not_written == 2 * scene.blocks.size());
   REQUIRE(cached.log.size() == 1);
-  CHECK_THAT(cached.log[0], Contains("goes on without writing"));
+  CHECK_THAT(cached.log[0], Contains("continues without writing"));
 }
 
 TEST_CASE("A full disk and a read-only one are reported once, and blocks are still fetched") {
@@ -213,7 +213,7 @@ TEST_CASE("A full disk and a read-only one are reported once, and blocks are sti
     cached.FetchAll();
     CHECK(cached.inner.fetched == 2 * (scene.blocks.size() - held.files));
     REQUIRE(cached.log.size() == 1);
-    CHECK_THAT(cached.log[0], Contains("No space left") && Contains("goes on without writing"));
+    CHECK_THAT(cached.log[0], Contains("No space left") && Contains("continues without writing"));
   }
   REQUIRE(::mount("tmpfs", disk.path.c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, "size=64k") == 0);
   Cached cached(scene, at);

@@ -109,7 +109,7 @@ TEST_CASE("Blocks are fetched by https from a server with a trusted certificate,
     return got.error().message;
   };
   CHECK_THAT(fault(url("127.0.0.1"), options), Contains("not for 127.0.0.1"));
-  CHECK_THAT(fault(url("localhost"), Patient()), Contains("not believed"));
+  CHECK_THAT(fault(url("localhost"), Patient()), Contains("not trusted"));
   options.tls_ca = scene.folder.file("none.pem");
   CHECK_THAT(fault(url("localhost"), options), Contains("none.pem"));
   // Plain HTTP to the same port is told by nginx, and is no TLS.

@@ -94,7 +94,7 @@ void SetUnit(const std::vector<std::string>& names, CadDocument& document, CadOu
   if (!unit) {
     out.Put(CadMessage::kWarning,
             names.empty() ? std::string("names no unit of length; its coordinates are taken as millimetres")
-                          : fmt::format("names \"{}\" as its unit of length, which is not known here; its "
+                          : fmt::format("names \"{}\" as its unit of length, which is unknown; its "
                                         "coordinates are given in millimetres",
                                         names[0]));
     return;
@@ -156,7 +156,7 @@ Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
   std::istream stream(&file);
   // Files that the model names are looked for beside this name, which has no folder: none is found.
   if (reader.ChangeReader().ReadStream("/proc/self/no-folder/model", stream) != IFSelect_RetDone)
-    return Fail("Open CASCADE cannot read it: it is damaged, or no STEP file");
+    return Fail("Open CASCADE cannot read it: it is damaged, or not a STEP file");
   TColStd_SequenceOfAsciiString lengths, angles, solid_angles;
   reader.ChangeReader().FileUnits(lengths, angles, solid_angles);
   std::vector<std::string> units;
@@ -184,7 +184,7 @@ Result<CadDocument> ReadIges(const std::string& path, CadOutput& out) {
   IGESCAFControl_Reader reader;
   reader.SetLayerMode(false);
   if (reader.ReadFile(path.c_str()) != IFSelect_RetDone)
-    return Fail("Open CASCADE cannot read it: it is damaged, or no IGES file");
+    return Fail("Open CASCADE cannot read it: it is damaged, or not an IGES file");
   if (const Handle(IGESData_IGESModel) model = reader.IGESModel(); !model.IsNull())
     SetUnit(IgesUnits(model->GlobalSection()), read, out);
   Handle(TransferProgress) progress = new TransferProgress(out);

@@ -106,8 +106,7 @@ Result<DracoFacts> DracoDecoder::ReceiveFacts(size_t attributes) {
     facts.attributes.push_back(attribute);
   }
   // A decoder that was misled by its input may send anything.
-  if (!sound || !in.done())
-    return Fail(fmt::format("the decoder gives an answer that cannot be; {}", kWithout));
+  if (!sound || !in.done()) return Fail(fmt::format("the decoder gives an invalid answer; {}", kWithout));
   return facts;
 }
 

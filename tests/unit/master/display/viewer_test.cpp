@@ -151,7 +151,7 @@ TEST_CASE("A viewer that acknowledges frames still unsent gets two frames, and i
   watching.now_s += 60;
   watching.viewer->Sample(watching.now_s);
   CHECK(socket.closed);
-  CHECK(watching.why == "this page reads none of the frames that it is sent");
+  CHECK(watching.why == "this page does not read the frames sent to it");
 }
 
 TEST_CASE("A viewer that reads no texts gets only required ones, and is disconnected when it keeps asking",

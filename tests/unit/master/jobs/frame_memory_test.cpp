@@ -57,7 +57,7 @@ TEST_CASE("A job that needs too much memory is refused with figures") {
   CHECK(FrameMemory(256 << 20).CheckJob(longest, 0).has_value());
   const Status many = FrameMemory(256 << 20).CheckJob(longest, 30 << 20);
   REQUIRE_FALSE(many.has_value());
-  CHECK_THAT(many.error().message, Catch::Contains("65536 frames") && Catch::Contains("30.0 MiB are in use"));
+  CHECK_THAT(many.error().message, Catch::Contains("65536 frames") && Catch::Contains("30.0 MiB of its"));
 }
 
 TEST_CASE("A frame's memory is returned with its last reference") {
