@@ -57,7 +57,7 @@ test('a link with access lets a colleague in, and a link without access explains
   assert.match(await colleague.locator('body').innerText(), /with access/);
   await shoot(colleague, 'link-without-access');
   await page.click('#copy-access');
-  await page.waitForFunction(() => /Whoever has it/.test(document.getElementById('toast').innerText));
+  await page.waitForFunction(() => /Anybody who has it/.test(document.getElementById('toast').innerText));
   await shoot(page, 'link-with-access');
   await colleague.goto(await link());
   await untilExact(colleague);
@@ -205,7 +205,7 @@ test('proxies: one keeps its prefix, one removes it, and one passes no WebSocket
 test('another name of this machine gets a page with a sentence', async () => {
   const named = await launch(['--host-resolver-rules=MAP evil.example 127.0.0.1']);
   const foreign = await openIn(named, `http://evil.example:${cluster.httpPort}/`);
-  assert.match(await foreign.locator('h1').innerText(), /does not know this address/);
+  assert.match(await foreign.locator('h1').innerText(), /This address is not allowed/);
   await shoot(foreign, 'foreign-host');
   await named.close();
 });

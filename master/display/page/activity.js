@@ -12,7 +12,7 @@ const PLOTS = [
   { title: 'Frames', colour: '#7fb4ff', value: (s) => s.frames_per_s, format: (x) => `${compact(x)}/s` },
   { title: 'Loaded', colour: '#f0b45c', value: (s) => s.voxel_bytes_loaded_per_s, format: (x) => `${bytes(x)}/s` },
   { title: 'Rays', colour: '#8fd6a6', value: (s) => s.rays_per_s, format: (x) => `${compact(x)}/s` },
-  { title: 'Found in memory', colour: '#d59cf0', value: (s) => s.cache_hit_rate, format: percent, most: 1 },
+  { title: 'Cache hits', colour: '#d59cf0', value: (s) => s.cache_hit_rate, format: percent, most: 1 },
 ];
 
 export class Activity {
@@ -75,7 +75,7 @@ export class Activity {
     const present = [...this.workers.values()].filter(({ left }) => left === null);
     const many = (n, word) => `${n} ${word}${n === 1 ? '' : 's'}`;
     $('activity-summary').textContent = [many(present.length, 'worker'), many(stats.viewers, 'viewer'),
-      `${compact(stats.rays_suspended_per_s)} rays/s wait for parts that load`, `running for ${duration(stats.up_s)}`].join(' · ');
+      `${compact(stats.rays_suspended_per_s)} rays/s wait for data`, `running for ${duration(stats.up_s)}`].join(' · ');
     $('workers').replaceChildren(...[...this.workers.entries()].sort(([a], [b]) => a - b).map(([id, worker]) => row(id, worker, now)));
   }
 }
@@ -90,7 +90,7 @@ function row(id, { facts, since, left }, now) {
   fill.style.background = workerColour(id);
   const news = left !== null ? 'left' : now - since < NEWS_S ? 'joined' : '';
   const says = left !== null ? 'has left' : `${percent(load)} · ${compact(facts.rays_per_s)} rays/s · ${bytes(facts.voxel_bytes_loaded_per_s)}/s`;
-  const made = element('div', { className: `worker ${news}`, title: `${facts.threads} threads, ${bytes(facts.cache_resident_bytes)} in its cache` },
+  const made = element('div', { className: `worker ${news}`, title: `${facts.threads} threads, ${bytes(facts.cache_resident_bytes)} cached` },
     swatch, element('span', { className: 'name' }, shown(facts.name)), element('span', { className: 'news' }, news === 'joined' ? 'joined' : ''),
     element('span', { className: 'bar' }, fill), element('span', { className: 'numbers' }, says));
   made.setAttribute('role', 'listitem');

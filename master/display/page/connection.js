@@ -9,8 +9,8 @@ const ANSWER_MS = 10000;
 /// The server tells its statistics each second. One that says nothing for this long has gone without a word.
 const SILENCE_MS = 8000;
 const PROTOCOL = 1;
-const NO_WEB_SOCKETS = 'The server is there, but no live connection reaches it: something between, a proxy or a filter, lets no WebSockets '
-  + 'through. The page keeps trying.';
+const NO_WEB_SOCKETS = 'The server answers, but no live connection reaches it: a proxy or filter in between blocks WebSockets. '
+  + 'The page keeps trying.';
 
 /// A connection that is kept up. `on` has the functions
 ///   state(NAME, SENTENCE): 'connecting', 'open', 'lost', 'denied', 'refused' or 'outdated'
@@ -98,7 +98,7 @@ export class Connection {
     if (message.type === 'error') return this.stop('refused', message.message);
     if (message.type !== 'welcome') return this.on.message(message);
     if (message.protocol !== PROTOCOL) {
-      return this.stop('outdated', 'The server speaks another version than this page. Load the page again.');
+      return this.stop('outdated', 'The server has another version than this page. Load the page again.');
     }
     this.isOpen = true;
     this.pause = FIRST_PAUSE_MS;

@@ -34,11 +34,11 @@ const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : man
 /// A frame's state, in words for people; `isNewest`: it is of the view that was sent last; `isMoving`: more follow.
 /// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
 export function describe(header, isNewest, isMoving) {
-  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is coming', kind: 'moving' };
+  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is being rendered', kind: 'moving' };
   const parts = [];
   if (isMoving) parts.push('in motion');
   else if (header.traced < 1) parts.push(`getting sharper: ${Math.floor(header.traced * 100)} %`);
   else parts.push(`getting smoother: ${header.samples} of ${count(header.spp, 'sample', 'samples')}`);
-  if (header.waiting > 0) parts.push('parts are loading');
+  if (header.waiting > 0) parts.push('data is loading');
   return { text: parts.join(' · '), kind: header.traced < 1 ? 'moving' : 'refining' };
 }

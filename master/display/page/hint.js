@@ -12,8 +12,8 @@ export class Hint {
       // Storage may be forbidden; then each visit has the hint.
     }
     const isTouch = matchMedia('(pointer: coarse)').matches;
-    $('hint').textContent = isTouch ? 'One finger turns the model, two move it and come nearer.'
-      : 'Drag turns the model, with the right button it moves it, the wheel comes nearer. ? tells more.';
+    $('hint').textContent = isTouch ? 'Drag with one finger to turn the model, with two to move and zoom.'
+      : 'Drag to turn the model, drag with the right button to move it, turn the wheel to zoom. Press ? for help.';
     $('hint').hidden = isKnown;
   }
 

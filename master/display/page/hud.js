@@ -10,7 +10,7 @@ const RATES_MS = 250;
 const SPOKEN_MS = 700;
 
 const CONNECTIONS = {
-  connecting: 'connecting', open: 'connected', lost: 'looking for the master', denied: 'no access', refused: 'refused', outdated: 'another version',
+  connecting: 'connecting', open: 'connected', lost: 'looking for the master', denied: 'no access', refused: 'refused', outdated: 'version mismatch',
 };
 
 export class Hud {
@@ -72,8 +72,8 @@ export class Hud {
     const answered = Number.isFinite(latency ?? NaN) ? `answers in ${milliseconds(latency)}` : '';
     $('status-rates').textContent = rates.frames === 0 ? answered : `${rates.frames.toFixed(rates.frames < 10 ? 1 : 0)} frames/s · ${answered}`;
     const { queue, trace, encode } = this.times ?? {};
-    const split = this.times ? `waiting ${milliseconds(queue)}, rendering ${milliseconds(trace)}, packing ${milliseconds(encode)}, `
-      + `line and drawing ${milliseconds(Math.max(0, latency - queue - trace - encode))}` : '–';
+    const split = this.times ? `waiting ${milliseconds(queue)}, rendering ${milliseconds(trace)}, encoding ${milliseconds(encode)}, `
+      + `transfer and drawing ${milliseconds(Math.max(0, latency - queue - trace - encode))}` : '–';
     $('status').title = `From your move to the picture: ${milliseconds(latency ?? NaN)} (${split})`;
     if (!$('details').hidden) this.showDetails(rates, split);
   }
@@ -83,11 +83,11 @@ export class Hud {
     fillList($('details'), [
       ['Model', scene && `${shown(scene.name)}, ${compact(scene.triangles)} triangles, ${compact(scene.voxels)} voxels`],
       ['Connection', CONNECTIONS[this.connection]],
-      ['Answer', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
+      ['Latency', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
       ['Picture', header && `${header.size.join(' × ')}, ${header.samples} of ${header.spp} samples`],
-      ['Pixels', header && `${Math.floor(header.traced * 100)} % seen${header.waiting > 0 ? `, ${header.waiting.toLocaleString('en')} wait for parts that load` : ''}`],
+      ['Pixels', header && `${Math.floor(header.traced * 100)} % traced${header.waiting > 0 ? `, ${header.waiting.toLocaleString('en')} wait for data` : ''}`],
       ['Exposure', header && Number.isFinite(header.exposure) ? `${header.exposure.toFixed(2)} EV` : null],
-      ['Line', `${bytes(rates.bytes)}/s`],
+      ['Transfer', `${bytes(rates.bytes)}/s`],
     ]);
   }
 }

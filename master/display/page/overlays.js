@@ -5,12 +5,12 @@ const $ = (id) => document.getElementById(id);
 const PATIENCE_MS = 400;
 
 const PAGES = {
-  connecting: { title: 'Connecting', text: 'The page asks the master for the model.' },
-  lost: { title: 'The master is gone', text: 'The page keeps looking for it, and shows this view again when it is back.' },
-  denied: { title: 'No access', text: 'The master does not know this browser. Open the address that “quarry view” printed; it holds the token.', button: 'Try again' },
-  refused: { title: 'The server refuses', text: '', button: 'Try again' },
-  outdated: { title: 'Another version', text: '', button: 'Load again' },
-  'no-workers': { title: 'No workers', text: 'The cluster has no worker now. The picture goes on as soon as one joins.' },
+  connecting: { title: 'Connecting', text: 'The page is requesting the model from the master.' },
+  lost: { title: 'The master is gone', text: 'The page keeps looking for it, and shows this view again when the master is back.' },
+  denied: { title: 'No access', text: 'This browser has no access. Open the address that “quarry view” printed; it contains the token.', button: 'Try again' },
+  refused: { title: 'Connection refused', text: '', button: 'Try again' },
+  outdated: { title: 'Version mismatch', text: '', button: 'Load again' },
+  'no-workers': { title: 'No workers', text: 'No worker is connected. The picture continues when one joins.' },
   failed: { title: 'The picture failed', text: '' },
 };
 

@@ -35,7 +35,7 @@ export class PickCard {
     this.hit = null;
     $('pick-close').addEventListener('click', () => this.close());
     $('pick-copy').addEventListener('click', async () => {
-      tell(await copyText(this.text()) ? 'Copied.' : 'The browser did not let the page copy.');
+      tell(await copyText(this.text()) ? 'Copied.' : 'The browser did not allow copying.');
     });
   }
 

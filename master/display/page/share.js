@@ -35,32 +35,32 @@ export class Share {
     for (const [id, use] of Object.entries(uses)) $(id).addEventListener('click', use);
     $('full-screen').addEventListener('click', () => {
       if (document.fullscreenElement) document.exitFullscreen();
-      else document.documentElement.requestFullscreen?.().catch(() => this.tell('The browser did not let the page fill the screen.'));
+      else document.documentElement.requestFullscreen?.().catch(() => this.tell('The browser did not allow full screen.'));
     });
     $('full-screen').hidden = !document.fullscreenEnabled;
   }
 
   async copy(text, sentence) {
-    this.tell(await copyText(text) ? sentence : 'The browser did not let the page copy.');
+    this.tell(await copyText(text) ? sentence : 'The browser did not allow copying.');
   }
 
   /// The things that a colleague needs beside a link to this page.
   get reach() {
     return LOOPBACK.includes(location.hostname)
-      ? ` It names this machine (${location.hostname}): elsewhere it opens through ssh -L ${location.port || 80}:localhost:${location.port || 80}.` : '';
+      ? ` It names this machine (${location.hostname}); from other machines it opens through ssh -L ${location.port || 80}:localhost:${location.port || 80}.` : '';
   }
 
   copyLink() {
-    return this.copy(this.link.address(), `The link is copied. It opens for who has access; others need “Copy link with access”.${this.reach}`);
+    return this.copy(this.link.address(), `The link is copied. It opens for people with access; others need “Copy link with access”.${this.reach}`);
   }
 
   /// The link with the token: whoever has it gets in.
   async copyAccess() {
     const token = await this.token();
-    if (!token) return this.tell('The server did not give the token. Copy the address that “quarry view” has printed.');
+    if (!token) return this.tell('The server did not send the token. Copy the address that “quarry view” printed.');
     const address = new URL(this.link.address());
     address.searchParams.set('token', token);
-    return this.copy(address.href, `The link is copied. Whoever has it can see the model.${this.reach}`);
+    return this.copy(address.href, `The link is copied. Anybody who has it can see the model.${this.reach}`);
   }
 
   async token() {
@@ -92,13 +92,13 @@ export class Share {
     const view = this.view();
     if (!view) return;
     downloadBytes([JSON.stringify(view, null, 1), '\n'], 'application/json', `${this.name}.view.json`);
-    this.tell('The view is saved: quarry render --view reads the file.');
+    this.tell('The view is saved. quarry render --view reads the file.');
   }
 
   copyCommand() {
     const view = this.view();
     if (!view) return null;
-    return this.copy(command(this.live.scene, this.defaults(), view, `${this.name}.png`), 'The command is copied. It writes this picture where the model is.');
+    return this.copy(command(this.live.scene, this.defaults(), view, `${this.name}.png`), 'The command is copied. Run it on the machine that has the model.');
   }
 
   /// Saves the image on the screen when it is the exact picture; else the cluster renders it.
@@ -116,7 +116,7 @@ export class Share {
 
   cancel() {
     this.connection.send({ type: 'save', save: ++this.saves });
-    this.stop('The picture is given up.');
+    this.stop('The picture is cancelled.');
   }
 
   stop(sentence) {
@@ -138,12 +138,12 @@ export class Share {
     if (error) return this.stop(`The picture cannot be saved: ${error}`);
     if (!file) return this.showProgress(done);
     download(new URL(file, document.baseURI).href, `${this.name}.png`);
-    this.stop(`The picture is saved, ${milliseconds(performance.now() - this.beganAt)} after it was asked for.`);
+    this.stop(`The picture is saved; it took ${milliseconds(performance.now() - this.beganAt)}.`);
   }
 
   /// A picture that was under way is lost with its connection.
   connectionLost() {
-    if (this.isSaving) this.stop('The connection was lost, and the picture with it. Save it again.');
+    if (this.isSaving) this.stop('The connection was lost before the picture was saved. Save it again.');
   }
 
   /// Fills in the size of the view, unless a person has typed another.

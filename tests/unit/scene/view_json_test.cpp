@@ -100,8 +100,7 @@ TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf(R"({"up_axis": "x"})"), Contains("v.json: up_axis: must be y or z"));
   CHECK_THAT(ErrorOf(R"({"ao": {"rays": 1}})"), Contains("v.json: ao: 'rays' is not known"));
   CHECK_THAT(ErrorOf(R"({"ao": {"distance": 1e300}})"), Contains("v.json: ao.distance: is too large"));
-  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"),
-             Contains("lights[0].type: must be sun or point"));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"), Contains("lights[0].type: must be sun or point"));
   CHECK_THAT(ErrorOf("[]"), Contains("v.json: must be an object"));
 }
 
