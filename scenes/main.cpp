@@ -89,8 +89,8 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
       "Examples:\n"
       "  quarry-scene plant --triangles 12500000 -o plant.ply\n"
       "  quarry-scene forest --triangles 300000 --seed 7 -o forest.obj\n"
-      "Beside OUT.ply it writes OUT.materials.json and OUT.path.json (a walk of 60 cameras); beside OUT.obj, "
-      "OUT.mtl.\n"
+      "Beside the model it writes OUT.path.json (a walk of 60 cameras), and OUT.materials.json (PLY) or "
+      "OUT.mtl (OBJ).\n"
       "The same kind, count and seed give the same bytes.\n");
   for (const std::string& kind : SceneKinds()) {
     CLI::App* scene = app.add_subcommand(kind, Describe(kind));

@@ -33,9 +33,9 @@ def must(*command, **options):
     return done.stdout
 
 
-def page_commands(section):
-    """The commands of a section of deploy/README.md."""
-    text = (ROOT / "deploy/README.md").read_text().split(f"\n## {section}\n")[1].split("\n## ")[0]
+def page_commands(folder):
+    """The commands of the page of a folder of deploy/."""
+    text = (ROOT / "deploy" / folder / "README.md").read_text()
     return [line.split("  #")[0].strip() for block in re.findall(r"```sh\n(.*?)```", text, re.S) for line in block.splitlines()]
 
 
@@ -90,7 +90,7 @@ class BareRoot:
         if self.inside("apt-get update -q").returncode != 0:
             raise unittest.SkipTest("the archive of Debian is out of reach")
         # gzip: of the packages that users get, half of the time goes into xz.
-        pack, self.install, self.install_all, self.install_cad = page_commands("Packages")
+        pack, self.install, self.install_all, self.install_cad = page_commands("packages")
         must("sh", "-c", pack.replace("-B build/release", f"-D CPACK_DEBIAN_COMPRESSION_TYPE=gzip -B '{self.debs}'").replace("build/release", f"'{BUILD}'"))
         self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench", *["quarry-cad"] * (BIN / "quarry-import-cad").exists())}
         for name in self.deb.values():
@@ -171,7 +171,7 @@ class Packages(unittest.TestCase):
         (base / "Containerfile").write_text("FROM scratch\nADD bare.tar /\n")
         must(*buildah, "bud", "--isolation", "chroot", "-t", "bare", base)
         # The page's command, with a base of our own and the folder that the packages are in.
-        (line,) = page_commands("Containers")
+        (line,) = page_commands("container")
         words = [bare.debs if word == "build/release" else word for word in line.split()[2:]]
         built = run(*buildah, "bud", "--isolation", "chroot", "--build-arg", "BASE=localhost/bare", *words, cwd=ROOT)
         self.assertEqual(built.returncode, 0, built.stdout[-2000:] + built.stderr[-2000:])
@@ -261,7 +261,7 @@ class Services(unittest.TestCase):
         self.assertNotEqual(refused.returncode, 0)
         self.assertRegex(self.must("systemctl show -p AssertResult quarry-master"), "no")
         # The page's commands. The start of each comes back when it serves, so that the next needs no wait.
-        for command in page_commands("Services"):
+        for command in page_commands("systemd"):
             self.must(command)
         self.must("systemctl start quarry-worker@2")
         self.assertIn("listening at 0.0.0.0:9000", self.must("systemctl show -p StatusText quarry-master"))
