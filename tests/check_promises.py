@@ -1,10 +1,10 @@
-"""The tests that tests/README.md names for each promise are there. Usage: tests/check_promises.py ROOT"""
+"""Checks that the tests which tests/PROMISES.md names for each promise exist. Usage: tests/check_promises.py ROOT"""
 import pathlib
 import re
 import sys
 
 tests = pathlib.Path(sys.argv[1]) / "tests"
-table = (tests / "README.md").read_text().split("## Promises and their tests", 1)[1]
+table = (tests / "PROMISES.md").read_text()
 missing, named = [], 0
 for row in re.findall(r"^\| (.*) \| (.*) \|$", table, re.M)[1:]:
     for part in row[1].split("; "):
