@@ -23,8 +23,8 @@ namespace http = boost::beast::http;
 using ErrorCode = boost::system::error_code;
 using Request = http::request<http::empty_body>;
 
-/// Limit for a request's headers in bytes. Cookies of other servers of the same host come with every request;
-/// nginx takes 32 KiB, of which 8 KiB in one line.
+/// Limit for a request's headers in bytes. Every request also carries the cookies of other servers on the
+/// same host. nginx accepts 32 KiB, at most 8 KiB a line.
 constexpr uint32_t kMostHeadBytes = 16 << 10;
 /// Limit for a connection's buffer in bytes: headers and the beginning of a next request.
 constexpr size_t kMostBufferBytes = kMostHeadBytes + (4 << 10);
@@ -106,8 +106,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
 
   void OnRequest(size_t head_bytes) {
     active_ = Clock::now();
-    // The parser's limit is no limit of the whole head: where headers arrive in pieces, it starts again after
-    // each piece.
+    // The parser's limit does not cover the whole head: it starts again after each piece that arrives.
     if (head_bytes > kMostHeadBytes) return RefuseLongHead();
     const Request& request = parser_->get();
     if (request.method() != http::verb::get && request.method() != http::verb::head)
@@ -151,7 +150,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
     Send(response_, answer.status, headers, std::move(answer.body), keep);
   }
 
-  /// A request that asks for the head alone gets no body.
+  /// A HEAD request gets no body.
   template <class Response>
   void Send(Response& response, int status, const std::vector<std::pair<std::string, std::string>>& headers,
             typename Response::body_type::value_type body, bool keep) {
@@ -164,7 +163,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
     response.content_length(bytes);
     response.keep_alive(keep);
     if (parser_->get().method() != http::verb::head) response.body() = std::move(body);
-    constexpr double kSlowLine = 16 << 10;  // bytes a second of a file that a peer takes at least
+    constexpr double kSlowLine = 16 << 10;  // least bytes a second that a peer takes of a file
     const double more_s = file_ ? static_cast<double>(bytes) / kSlowLine : 0;
     stream_.ExpiresAfter(Seconds(times().answer_s + more_s));
     http::async_write(stream_, response, [self = Self(), keep](const ErrorCode& error, size_t) {
@@ -205,7 +204,7 @@ class HttpConnection final : public ServedConnection, public std::enable_shared_
   std::optional<http::request_parser<http::empty_body>> parser_;
   http::response<http::string_body> response_;
   http::response<http::span_body<const char>> file_response_;
-  std::shared_ptr<const Bytes> file_;  ///< that an answer on its way has
+  std::shared_ptr<const Bytes> file_;  ///< of the answer that is being sent
   std::array<char, 4096> rest_;        ///< receives bytes that are dropped after the last answer
   Clock::time_point active_ = Clock::now();
   bool closed_ = false;

@@ -13,7 +13,7 @@ namespace quarry {
 
 class ServedStream;
 
-/// The view that a server has of a connection, with or without a WebSocket.
+/// A connection as its server sees it, with or without a WebSocket.
 class ServedConnection {
  public:
   using Clock = std::chrono::steady_clock;
@@ -25,7 +25,7 @@ class ServedConnection {
   virtual bool web_socket() const = 0;
   /// The time of the last whole request or answer.
   virtual Clock::time_point active() const = 0;
-  /// Closes at once. No handler is called any more.
+  /// Closes at once. Afterwards no handler is called.
   virtual void Drop() = 0;
 };
 
@@ -42,9 +42,8 @@ struct HttpService {
 /// Serves requests on `socket`, a connected TCP socket, which it takes over.
 void ServeConnection(boost::asio::io_context& io, int socket, std::shared_ptr<HttpService> service);
 
-/// Makes a stream a WebSocket as its `request` asks, which is `head` in Beast's form. Sends the answer, then
-/// calls on_socket.
-/// Instances: the requests of http_connection.cpp.
+/// Turns a stream into the WebSocket that `request` asks for; `head` is the same request in Beast's form.
+/// Sends the answer, then calls on_socket. Instances: the requests of http_connection.cpp.
 template <class Request>
 void AcceptWebSocket(ServedStream stream, const Request& request, HttpRequest head,
                      std::shared_ptr<HttpService> service);

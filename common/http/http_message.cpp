@@ -41,7 +41,7 @@ std::vector<std::pair<std::string, std::string>> AnswerHeaders(HttpResponse& ans
   bool good = !HasControl(answer.content_type);
   for (const auto& [name, value] : answer.headers)
     good = good && !name.empty() && !HasControl(name) && !HasControl(value);
-  // The text may come from a request: as it is, it could end the headers and begin an answer of its own.
+  // The text may come from a request: unchanged, it could end the headers and begin another answer.
   if (!good) answer = {500, "text/plain; charset=utf-8", "the answer had a line end in a header\n", {}};
   std::vector<std::pair<std::string, std::string>> headers{{"Content-Type", answer.content_type},
                                                            {"X-Content-Type-Options", "nosniff"},

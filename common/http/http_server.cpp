@@ -66,7 +66,7 @@ class TcpHttpServer final : public HttpServer {
     return DropIdle();
   }
 
-  /// Drops the connection without a WebSocket that has been idle for longest. Returns: whether there was one.
+  /// Drops the longest idle connection without a WebSocket. Returns: whether there was one.
   bool DropIdle() {
     std::shared_ptr<ServedConnection> idle;
     for (const auto& weak : service_->connections) {
@@ -85,7 +85,7 @@ class TcpHttpServer final : public HttpServer {
   asio::io_context& io_;
   const std::unique_ptr<Acceptor> acceptor_;
   const std::shared_ptr<HttpService> service_;
-  bool said_ = false;  ///< whether the log has told of the limit
+  bool said_ = false;  ///< whether the log has named the limit
 };
 
 /// The TLS context of a server for browsers; null without files.

@@ -14,16 +14,16 @@
 
 namespace quarry {
 
-/// A request as it came, not yet believed. Names of headers are lower case.
+/// A request as it arrived, unchecked. Names of headers are lower case.
 struct HttpRequest {
   std::string method;
-  std::string path;   ///< of the target, percent signs as they came; begins with "/"
+  std::string path;   ///< of the target, with its percent signs; begins with "/"
   std::string query;  ///< behind "?", or empty
   std::vector<std::pair<std::string, std::string>> headers;
   std::string peer;       ///< address of the other side, for logs
   bool loopback = false;  ///< the other side is this machine
 
-  /// The value of a header, or an empty text. A header that came twice is joined by ", ".
+  /// The value of a header, or an empty text. Values of a repeated header are joined by ", ".
   std::string header(const std::string& name) const;
 };
 
@@ -33,7 +33,7 @@ struct HttpResponse {
   int status = 200;
   std::string content_type = "text/plain; charset=utf-8";
   std::string body;
-  /// Headers beside the ones that every answer has. A line end in a name or value turns the answer into
+  /// Headers beside the default ones. A line end in a name or value turns the answer into
   /// status 500.
   std::vector<std::pair<std::string, std::string>> headers;
   /// Instead of `body`: bytes that others may share, held until they are sent. Null: there are none.
@@ -54,9 +54,10 @@ class WebSocket {
   virtual void SendText(std::string text) = 0;
   /// `taken` is called once the system has taken the message's last byte; never after Close() or on_close.
   virtual void SendBinary(std::shared_ptr<const Bytes> message, std::function<void()> taken = {}) = 0;
-  /// Sends the queued messages, then the closing handshake, for at most 5 s. No callback is called any more.
+  /// Sends the queued messages, then the closing handshake, for at most 5 s. Afterwards no callback is
+  /// called.
   virtual void Close() = 0;
-  /// Bytes of the messages that the system has not taken whole. A message counts until its last byte is
+  /// Bytes of the messages that the system has not taken completely. A message counts until its last byte is
   /// taken, because its memory is held until then.
   virtual uint64_t queued_bytes() const = 0;
   virtual const std::string& peer() const = 0;
@@ -95,14 +96,15 @@ struct HttpServerOptions {
 /// - WebSockets: no compression, TCP_NODELAY, a ping every 15 s, closed when no byte comes from the peer for
 /// 15 s after one, so after 30 s of silence at most.
 /// - TLS 1.2 or later.
-/// - It answers by itself: 400 to a request that is none, has a body or asks for no path; 405 to another
-/// method; 431 to longer headers.
-/// Destroying it closes all connections at once, and no handler is called any more. A handler never destroys
+/// - It answers by itself: 400 to bytes that are no request, to a request with a body, and to one without a
+/// path; 405 to another method; 431 to longer headers.
+///
+/// Destroying it closes all connections at once; afterwards no handler is called. A handler never destroys
 /// the server. Requires: the io_context outlives it.
 class HttpServer {
  public:
   struct Handlers {
-    /// Answers a request that asks for no WebSocket.
+    /// Answers a request other than for a WebSocket.
     std::function<HttpResponse(const HttpRequest&)> on_request;
     /// Whether a request may become a WebSocket: status 101, or the refusal.
     std::function<HttpResponse(const HttpRequest&)> may_upgrade;

@@ -22,7 +22,7 @@ using ErrorCode = boost::system::error_code;
 using TlsStream = beast::ssl_stream<beast::tcp_stream>;
 using ThenPtr = std::unique_ptr<ServedStream::Then>;
 
-/// The one handler of all operations.
+/// The handler of every operation.
 struct Continue {
   ThenPtr then;
   void operator()(const ErrorCode& error, size_t bytes = 0) { then->Call(error, bytes); }

@@ -43,7 +43,7 @@ class ServedStream {
                           std::unique_ptr<Then> then) = 0;
     virtual void WriteSome(const std::vector<boost::asio::const_buffer>& pieces,
                            std::unique_ptr<Then> then) = 0;
-    /// Takes leave of the peer as the kind has it: TLS by its notice, a plain stream by nothing.
+    /// Ends the stream in order: TLS sends its close notice, a plain stream sends nothing.
     virtual void TakeLeave(std::unique_ptr<Then> then) = 0;
     virtual void TearDown(std::unique_ptr<Then> then) = 0;
     virtual void ReadBelow(const boost::asio::mutable_buffer& room, std::unique_ptr<Then> then) = 0;
@@ -89,7 +89,8 @@ class ServedStream {
   void Close() { transport_->Close(); }
   void ExpiresAfter(std::chrono::steady_clock::duration time) { transport_->ExpiresAfter(time); }
   void ExpiresNever() { transport_->ExpiresNever(); }
-  /// The peer's address and port for logs, and whether it is this machine. "?": the peer is gone already.
+  /// The peer's address and port for logs, and whether it is this machine. "?": the peer has already
+  /// disconnected.
   std::string PeerAddress(bool& loopback) { return transport_->PeerAddress(loopback); }
 
  private:
@@ -110,7 +111,7 @@ class ServedStream {
   static std::unique_ptr<Then> Erased(Handler&& handler) {
     return std::make_unique<Calling<std::decay_t<Handler>>>(std::forward<Handler>(handler));
   }
-  /// As many buffers as one call of the system takes; the rest comes with the next call.
+  /// As many buffers as one call of the system takes; the next call sends the rest.
   template <class Buffer, class Sequence>
   static std::vector<Buffer> List(const Sequence& sequence) {
     constexpr size_t kMostBuffers = 64;

@@ -20,7 +20,7 @@ namespace beast = boost::beast;
 namespace websocket = boost::beast::websocket;
 using ErrorCode = boost::system::error_code;
 
-/// A message on its way: text, or bytes that others may share.
+/// A queued message: text, or bytes that others may share.
 struct Outgoing {
   std::string text;
   std::shared_ptr<const Bytes> bytes;  ///< null for a text
@@ -49,7 +49,7 @@ class StreamWebSocket final : public WebSocket,
     socket_.set_option(websocket::stream_base::decorator(
         [](websocket::response_type& answer) { answer.set(beast::http::field::server, "quarry"); }));
     socket_.read_message_max(service_->options.most_message_bytes);
-    // Messages are whole in memory, so that pieces would only cost.
+    // Messages are complete in memory, so fragments would only cost time.
     socket_.auto_fragment(false);
   }
 
@@ -102,7 +102,7 @@ class StreamWebSocket final : public WebSocket,
     std::string text = closing_ ? "" : beast::buffers_to_string(incoming_.data());
     incoming_.consume(incoming_.size());
     if (on_text_) {
-      // Moved out for the call: a Close() within it lets go of the handler.
+      // Moved out for the call: a Close() within it releases the handler.
       auto on_text = std::exchange(on_text_, nullptr);
       on_text(std::move(text));
       if (!closed_ && !closing_) on_text_ = std::move(on_text);
@@ -119,7 +119,7 @@ class StreamWebSocket final : public WebSocket,
     if (!closed_) Read();
   }
 
-  /// The rest of a sentence that begins with the peer's name and tells why the connection ends.
+  /// The rest of a sentence that begins with the peer's name: why the connection ends.
   std::string Sentence(const ErrorCode& error) const {
     if (error == websocket::error::closed || error == asio::error::eof) return "closed the connection";
     if (error == beast::error::timeout)

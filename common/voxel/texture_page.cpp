@@ -30,7 +30,7 @@ std::vector<Block> BlocksOf(const TextureShape& shape, uint32_t page) {
   return blocks;
 }
 
-/// Of left, above and corner (above left), the value nearest to left + above - corner.
+/// The value among left, above and corner (above left) that is nearest to left + above - corner.
 /// Source: Paeth, Image file compression made easy, in Graphics Gems II, 1991.
 int Nearest(int left, int above, int corner) {
   const int a = std::abs(above - corner), b = std::abs(left - corner),
@@ -38,7 +38,7 @@ int Nearest(int left, int above, int corner) {
   return a <= b && a <= c ? left : b <= c ? above : corner;
 }
 
-/// The value that earlier neighbours predict for texel (x, y) of a channel of `block`.
+/// The prediction for texel (x, y) of a channel of `block` from earlier neighbours.
 template <class Sample>
 int Foretold(const Sample* values, const Block& block, uint32_t x, uint32_t y) {
   const size_t at = block.first + size_t{y} * block.width + x;
@@ -78,8 +78,8 @@ std::vector<Sample> Channels(std::span<const std::byte> texels, uint32_t channel
   return planes;
 }
 
-/// The differences of a row's values, from the second on, from the values that neighbours predict: as
-/// Nearest(), but without branches, so that compilers take many values at once.
+/// The differences between a row's values, from the second on, and their predictions. As Nearest(), but
+/// without branches, so that compilers make vector instructions of it.
 template <class Sample>
 void SubtractRow(const Sample* __restrict row, const Sample* __restrict above, size_t width,
                  Sample* __restrict out) {
@@ -139,7 +139,7 @@ Bytes Encode(const std::vector<Block>& blocks, uint32_t channels, std::span<cons
   for (uint32_t c = 0; c < channels; ++c)
     for (const Block& block : blocks) Subtract(&planes[c * count], block, &differences[c * count]);
   Bytes out(all * sizeof(Sample));
-  // The channels' differences resemble each other: the previous channel's is subtracted.
+  // The channels' differences resemble each other, so the previous channel's is subtracted.
   const auto put = [all, to = out.data(), from = differences.data()](size_t begin, size_t end, size_t back) {
     for (size_t i = begin; i < end; ++i)
       PutSample(back == 0 ? from[i] : static_cast<Sample>(from[i] - from[i - back]), i, all, to);

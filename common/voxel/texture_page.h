@@ -11,7 +11,7 @@ namespace quarry {
 /// Encodes a page as streams, before LZ4: per channel, each value minus the prediction from its neighbours.
 /// The same texels give the same bytes. Thread-safe.
 /// Shapes: `texels` holds TexelsOf(page) texels of texel_bytes() each, row by row, channels interleaved,
-/// halves low byte first. The result has as many bytes.
+/// halves low byte first. The result has the same number of bytes.
 /// Source: the predictor is Paeth's (PNG, 1996).
 Bytes EncodePage(const TextureShape& shape, const TexelLayout& layout, uint32_t page,
                  std::span<const std::byte> texels);

@@ -12,7 +12,7 @@
 #include "common/voxel/catalog.h"
 #include "common/voxel/texture_shape.h"
 
-// The sections TEXD and MTEX: all that a store has of its textures besides their pages.
+// The sections TEXD and MTEX: a store's textures without their pages.
 
 namespace quarry {
 

@@ -32,7 +32,7 @@ std::string Hex(const unsigned char* bytes, size_t count) {
   return text;
 }
 
-/// A host and its port, as a Host header or an origin has them.
+/// A host and its port, as in a Host header or an origin.
 struct Authority {
   std::string host;  ///< lower case; IPv6 in brackets, in its shortest form
   std::optional<uint16_t> port;
@@ -76,7 +76,7 @@ std::optional<Authority> ParseAuthority(std::string_view text) {
   return authority;
 }
 
-/// A scheme with host and port: all that an origin has.
+/// The parts of an origin: scheme, host and port.
 struct Origin {
   bool https = false;
   Authority authority;  ///< with its port
@@ -138,7 +138,7 @@ bool SameSecret(std::string_view text, const std::string& secret) {
   return text.size() == secret.size() && CRYPTO_memcmp(text.data(), secret.data(), secret.size()) == 0;
 }
 
-/// Whether a proxy says that it has passed the request on.
+/// Whether a header of a proxy shows that the request came through it.
 bool IsForwarded(const HttpRequest& request) {
   return std::any_of(request.headers.begin(), request.headers.end(), [](const auto& header) {
     return header.first == "forwarded" || header.first == "via" || header.first == "x-real-ip" ||
@@ -219,7 +219,8 @@ bool Access::OriginPermitted(const HttpRequest& request) const {
     if (url.https == origin->https && Authority{url.host, url.port} == origin->authority) return true;
   auto host = ParseAuthority(request.header("host"));
   if (!host) return false;
-  // A person that can change a page without encryption must not see a view that is shown with it.
+  // Somebody on the network can change a page without encryption; such a page must not open an encrypted
+  // view.
   const auto with_tls = [&](const ViewerUrl& url) {
     return url.https && url.host == host->host && host->port.value_or(url.port) == url.port;
   };
@@ -231,7 +232,7 @@ bool Access::OriginPermitted(const HttpRequest& request) const {
 
 bool Access::HasSession(const HttpRequest& request) const {
   bool found = false;
-  // Each header by itself: the values of several are not joined by a semicolon.
+  // Each header by itself: values of several headers are not joined by a semicolon.
   for (const auto& [name, value] : request.headers) {
     if (name != "cookie") continue;
     ForEachPart(value, ';', [&](std::string_view cookie) {

@@ -155,7 +155,7 @@ Status Display::OnTileDone(uint32_t worker, const TileDone& done, std::span<cons
   return {};
 }
 
-/// Once for all the results at hand.
+/// Once for all results that have arrived.
 void Display::AssignSoon() {
   if (std::exchange(assigning_, true)) return;
   asio::post(io_, [this] {
@@ -186,7 +186,7 @@ HttpResponse Display::OnPrivate(const HttpRequest& request, const std::string& n
   return name == "access" ? HttpResponse{.body = access_.token()} : saved_.Fetch(name);
 }
 
-/// A request for the WebSocket that does not ask for one.
+/// A request at the WebSocket's address without an upgrade.
 HttpResponse Display::OnLostUpgrade(const HttpRequest& request) {
   const std::string swallowed = SwallowedUpgrade(request);
   if (!swallowed.empty()) refusals_.Note(request, swallowed);
@@ -210,7 +210,7 @@ HttpResponse Display::MayOpen(const HttpRequest& request) const {
 }
 
 void Display::OnSocket(std::shared_ptr<WebSocket> socket) {
-  if (viewers_.size() >= kMostViewers) {  // by a text, since a page cannot read a refusal of a WebSocket
+  if (viewers_.size() >= kMostViewers) {  // by a text, because a page cannot read a WebSocket's refusal
     socket->SendText(ordered_json{
         {"type", "error"},
         {"message", fmt::format("There are already {} viewers, the most allowed.", kMostViewers)}}
@@ -244,7 +244,7 @@ void Display::OnScene(const Result<std::string>& description) {
   if (*summary_) {
     if (options_.up_axis != 0 && options_.up_axis != (*summary_)->framing.up_axis) {
       (*summary_)->framing.up_axis = options_.up_axis;
-      (*summary_)->framing.inside.reset();  // it belongs to the axis that it was found with
+      (*summary_)->framing.inside.reset();  // it is valid only for the axis with which it was found
       (*summary_)->framing.interior = false;
     }
     site_.defaults.view = DefaultView(**summary_, kDefaultWidth, kDefaultHeight);
@@ -261,7 +261,7 @@ void Display::Welcome(const std::shared_ptr<Viewer>& viewer) {
   if (!state_.empty()) viewer->SendState(state_);
 }
 
-/// Tells viewers whether there is somebody to trace for them.
+/// Informs viewers whether there is a worker.
 void Display::SendState() {
   const bool works = dispatcher_.has_workers();
   const char* const state = works ? "ok" : failure_.empty() ? "no-workers" : "failed";

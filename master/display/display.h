@@ -25,29 +25,29 @@ namespace quarry {
 class Display : private LiveDispatcher::Sink {
  public:
   /// Listens. `io`, `scene`, `workers`, `queries` and the objects that `jobs` uses outlive it. Errors: as
-  /// HttpServer::Open() and Access::Make(); (usage) a viewer URL that is none.
+  /// HttpServer::Open() and Access::Make(); (usage) an invalid viewer URL.
   static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, WorkerRegistry& workers,
                                                QueryService& queries, SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log);
   ~Display() override;
 
-  /// The address that lets a browser in, with the token.
+  /// The address with the token, which gives a browser access.
   std::string url() const;
 
-  /// Whether a frame is of the display's and not of a job's.
+  /// Whether a frame is the display's and not a job's.
   static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame; }
   /// The worker has the scene and takes tiles.
   void WorkerReady(const WorkerRecord& worker);
-  /// The worker takes no tile more. `lost`: the sentence for viewers; empty when it has left in order.
+  /// The worker takes no more tiles. `lost`: the sentence for viewers; empty when it has left in order.
   void WorkerGone(uint32_t id, const std::string& lost = {});
   /// Shows viewers a sentence for a while.
   void Notify(const std::string& sentence);
-  /// A worker could not go on, for a reason that viewers should know.
+  /// A worker could not continue, for a reason to show to viewers.
   void WorkerFailed(const std::string& sentence);
   /// A result of a frame that the display owns. Errors: it does not fit its tile.
   Status OnTileDone(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels);
-  /// The hit of a ray of the display's. One that nobody waits for is ignored.
+  /// The hit of one of the display's rays. A hit that nobody waits for is ignored.
   void OnRayDone(uint32_t worker, const RayDone& done) { rays_.Finish(worker, done); }
   /// Called several times a second.
   void Tick();
@@ -88,7 +88,7 @@ class Display : private LiveDispatcher::Sink {
   std::string welcome_;  ///< JSON; empty until the scene is known
   std::string failure_;  ///< the reason of the last worker that ended, when none is left
   std::string lost_;     ///< the sentence about the worker that was lost last
-  std::string state_;    ///< JSON that viewers were told last
+  std::string state_;    ///< JSON that was sent to viewers last
   uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;
   uint32_t next_viewer_ = 1;
   double told_s_ = 0;

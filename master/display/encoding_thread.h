@@ -30,14 +30,14 @@ class EncodingThread {
   EncodingThread& operator=(const EncodingThread&) = delete;
 
   /// Encodes a frame, then calls `then` on the io_context's thread. Call on that thread.
-  /// Requires: `work.tone` is given to no other work that is under way; Join() was not called.
+  /// Requires: no other pending work uses `work.tone`; Join() was not called.
   void Encode(Work work, std::function<void(const Result<EncodedFrame>&)> then);
-  /// Waits for the work that was given. Nothing may be given afterwards.
+  /// Waits for the pending work. Afterwards no work may be given.
   void Join();
 
  private:
   boost::asio::io_context& io_;
-  FrameEncoder encoder_;  ///< used on the thread alone
+  FrameEncoder encoder_;  ///< used only on the thread
   std::unique_ptr<boost::asio::thread_pool> thread_;
 };
 

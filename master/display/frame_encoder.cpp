@@ -18,10 +18,10 @@ namespace {
 
 using Level = RgbMaker::Level;
 
-/// Least quality of images that are stretched: their faults grow with them, and they are small.
+/// Least quality of stretched images: stretching enlarges their faults, and they are small.
 constexpr int kSmallQuality = 92;
 
-/// Makes the level of half the size: means of the known pixels of each square.
+/// Makes the level of half the size: each pixel is the mean of the known pixels of a square.
 void Halve(const Level& fine, Level& half) {
   half.Open((fine.width + 1) / 2, (fine.height + 1) / 2);
   for (uint32_t y = 0; y < half.height; ++y)

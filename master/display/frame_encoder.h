@@ -14,21 +14,21 @@
 
 namespace quarry {
 
-/// A table from shared-exponent codes to 8 bits of sRGB, for one exposure: as PNGs are encoded. Pixels that
-/// are not covered have kBackdrop behind them. Immutable.
+/// A table from shared-exponent codes to 8 bits of sRGB for one exposure, the same bits as in PNGs. Uncovered
+/// pixels show kBackdrop. Immutable.
 class ToneTable {
  public:
   /// `ev`: exposure.
   explicit ToneTable(double ev);
   double ev() const { return ev_; }
-  /// The three channels of a code of PackShared().
+  /// The three channels of a code from PackShared().
   std::array<uint8_t, 3> operator()(uint32_t code) const {
     if (code == kUncovered) return backdrop_;
     const uint32_t exponent = code >> 27 << 9;
     return {values_[exponent | (code & 511)], values_[exponent | (code >> 9 & 511)],
             values_[exponent | (code >> 18 & 511)]};
   }
-  /// The same of a code that covers a part of its pixel. Units: `coverage` in 255ths.
+  /// The same for a code that covers a part of its pixel. Units: `coverage` in 255ths.
   std::array<uint8_t, 3> operator()(uint32_t code, uint8_t coverage) const {
     return coverage == 255 || code == kUncovered ? (*this)(code) : BeforeBackdrop(code, coverage);
   }
@@ -41,8 +41,8 @@ class ToneTable {
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };
 
-/// Makes 8-bit sRGB of rows. Its memory is kept from frame to frame, for new memory costs more than all the
-/// rest: a system gives it page by page. Not thread-safe.
+/// Makes 8-bit sRGB of rows. Its memory is kept from frame to frame: the system gives new memory page by
+/// page, which costs more than all the rest. Not thread-safe.
 class RgbMaker {
  public:
   /// A level of the pyramid from which pixels without a colour are filled.
@@ -62,11 +62,11 @@ class RgbMaker {
     std::vector<Pixel> pixels;
   };
 
-  /// Pixels without a colour get one from their neighbours, near ones first; all of them, if there is none,
-  /// that of `background` (a code).
+  /// Pixels without a colour get one from their neighbours, near ones first. If no pixel has a colour, all
+  /// get `background` (a code).
   void Make(const PictureRows& rows, const ToneTable& tone, uint32_t background);
-  /// A pixel for each square of `step` x `step`: the mean of its pixels that have a colour; for
-  /// squares without any as above. Squares at the borders may be cut.
+  /// A pixel for each square of `step` x `step`: the mean of those pixels that have a colour; squares without
+  /// one are filled as above. Squares at the borders may be cut.
   void MakeSmall(const PictureRows& rows, const ToneTable& tone, uint32_t background, uint32_t step);
   /// Three bytes a pixel, row by row.
   const std::vector<uint8_t>& rgb() const { return rgb_; }
@@ -91,8 +91,8 @@ struct EncodedFrame {
   double encode_s = 0;
 };
 
-/// Encodes frames for viewers. Keeps its compressor and memory from frame to frame. Not thread-safe, but may
-/// be used by one thread after the other.
+/// Encodes frames for viewers. Keeps its compressor and memory from frame to frame. Not thread-safe, but
+/// several threads may use it one after the other.
 class FrameEncoder {
  public:
   FrameEncoder();
@@ -100,9 +100,9 @@ class FrameEncoder {
   FrameEncoder(const FrameEncoder&) = delete;
   FrameEncoder& operator=(const FrameEncoder&) = delete;
 
-  /// An exact frame becomes the PNG of EncodeImage(), another one a JPEG for each run of rows, with a pixel
-  /// for each square of DueFrame::scale, which the browser stretches. `tone`: of the
-  /// viewer's last frame. `quality`: of JPEG, in [1, 100]. Errors: the libraries' own.
+  /// An exact frame becomes the PNG of EncodeImage(). Any other frame becomes a JPEG for each run of rows,
+  /// with one pixel for each square of DueFrame::scale; the browser stretches it. `tone`: of the viewer's
+  /// last frame. `quality`: of JPEG, in [1, 100]. Errors: the libraries' own.
   Result<EncodedFrame> Encode(const DueFrame& frame, const SceneFacts& scene, int quality,
                               std::optional<ToneTable>& tone);
 

@@ -11,7 +11,7 @@ namespace quarry {
 void LivePicture::Open(uint32_t width, uint32_t height) {
   width_ = width;
   height_ = height;
-  if (codes_.capacity() > 2 * pixels()) {  // a viewer's window that was large holds no memory
+  if (codes_.capacity() > 2 * pixels()) {  // a window that was large before holds no memory
     codes_ = {};
     sums_ = {};
     coverage_ = {};

@@ -9,28 +9,28 @@
 
 namespace quarry {
 
-/// Codes of a picture's pixels that have no colour: their ray waits for a block; nothing has been traced yet.
+/// Codes of pixels without a colour: the ray waits for a block; nothing has been traced yet.
 inline constexpr uint32_t kWaiting = kHole, kUntraced = kHole - 1;
 
 /// Rows of a picture, to be encoded. Units: pixels.
 struct PictureRows {
   uint32_t y = 0, width = 0;
   std::vector<uint32_t> codes;  ///< PackShared(), kUncovered, kWaiting or kUntraced, row by row
-  /// 255 for pixels that are covered, row by row; empty: all that has a colour is.
+  /// coverage, 255 for all, row by row; empty: each pixel with a colour is covered
   std::vector<uint8_t> coverage;
   uint32_t height() const { return static_cast<uint32_t>(codes.size() / width); }
 };
 
-/// The pixels of a watched view while it is traced: first colours that are shown, then exact sums of samples.
-/// Knows which rows have changed since they were taken. Not thread-safe.
+/// The pixels of a watched view while it is traced: first colours to show, then exact sums of samples.
+/// Records which rows have changed since they were taken. Not thread-safe.
 class LivePicture {
  public:
   /// Bytes that a pixel takes here, with sums and two copies of rows.
   static constexpr uint64_t kPixelBytes = 3 * (sizeof(uint32_t) + 1) + kColorWords * sizeof(FixedRadiance);
-  /// Rows that change together: a multiple of a JPEG's blocks.
+  /// Number of rows that are sent together: a multiple of a JPEG's blocks.
   static constexpr uint32_t kBandRows = 32;
 
-  /// Begins a picture of nothing, in the memory of the last unless that is much larger.
+  /// Begins an empty picture, in the memory of the last one unless that is much larger.
   void Open(uint32_t width, uint32_t height);
 
   /// Takes pixels of kShown, unless there are sums. Requires: the tile lies in the picture, as `pixels` has
@@ -46,7 +46,7 @@ class LivePicture {
   /// Pixels that have a colour; pixels whose rays wait.
   uint64_t traced() const { return traced_; }
   uint64_t waiting() const { return waiting_; }
-  /// Samples that every pixel's sum has.
+  /// The number of samples in every pixel's sum.
   uint32_t samples() const { return samples_; }
   /// The colour as float32 means of samples() samples, as EncodeImage() takes them. Requires: samples() > 0,
   /// and no pixel has more.
@@ -58,11 +58,11 @@ class LivePicture {
 
   /// Whether rows have changed.
   bool has_news() const { return any_news_; }
-  /// All rows are news again.
+  /// All rows count as changed again.
   void Renew();
   /// The rows that have changed, as few runs.
   std::vector<PictureRows> TakeNews();
-  /// Gives back the memory of rows that have been used.
+  /// Takes back the memory of used rows.
   void Reuse(std::vector<PictureRows> rows);
 
  private:

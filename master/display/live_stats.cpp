@@ -50,7 +50,7 @@ void LiveStats::Sample(double now_s, const WorkerRegistry& registry, const Displ
     worker.threads = std::max(record.threads, 1u);
     worker.resident = c.cache_bytes;
     const Counters now{c.rays, c.rays_suspended, c.voxel_bytes_loaded, c.compute_us};
-    // A worker that has come, or begun anew.
+    // A worker that has joined or restarted.
     if (is_new || now.rays < worker.now.rays || now.compute_us < worker.now.compute_us)
       worker.older = worker.newer = now;
     worker.now = now;

@@ -20,22 +20,22 @@ struct DisplayOptions {
   uint32_t up_axis = 0;                  ///< 1 for y, 2 for z; 0: the scene's
 };
 
-// The answers that the display's servers have in common. Thread-safe.
+// The answers shared by the display's servers. Thread-safe.
 
-/// Decides which requests get in. Errors: as Access::Make(); (usage) a viewer URL that is none.
+/// Decides which requests are allowed. Errors: as Access::Make(); (usage) an invalid viewer URL.
 Result<Access> MakeAccess(const DisplayOptions& options);
-/// The address that lets a browser in, with the token. `port`: in use.
+/// The address with the token, which gives a browser access. `port`: in use.
 std::string AddressOf(const DisplayOptions& options, const Access& access, uint16_t port);
 
-/// The last part of a path: proxies may put the page under any.
+/// The last part of a path; a proxy may put anything in front of it.
 std::string NameOfPage(const std::string& path);
 /// An answer of one sentence.
 HttpResponse Refused(int status, const std::string& sentence);
-/// The answers that need no session: `healthz`, and refusals of hosts that are not permitted. None: it is to
-/// be answered otherwise.
+/// The answers that need no session: `healthz`, and refusals of hosts that are not permitted. None: another
+/// answer is needed.
 std::optional<HttpResponse> AnswerForAll(const HttpRequest& request, const Access& access);
-/// The file that a path names. The page itself (`start`) comes with the token, which sets the cookie, or with
-/// the cookie; else the page that says how to get in.
+/// The file that a path names. The page itself (`start`) needs the cookie, or the token, which sets the
+/// cookie. Without both the answer is the page that explains how to get access.
 HttpResponse PageFor(const HttpRequest& request, const Access& access, const std::string& start);
 
 }  // namespace quarry

@@ -14,8 +14,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// A surface that a ray hits, by the vertices of the triangle in double: a traced distance has the precision
-/// of a float, and a shading normal may be an interpolated one.
+/// The surface that a ray hits, computed in double from the triangle's vertices: a traced distance is a float
+/// only, and a shading normal may be interpolated.
 struct PickedSurface {
   glm::dvec3 point{};   ///< scene units
   glm::dvec3 normal{};  ///< of the face, toward the ray's origin
@@ -76,7 +76,8 @@ void Picker::Ask(const PickMessage& pick, const View& view) {
   const SceneMeta& meta = scene_.catalog().meta;
   const Camera camera(view.camera, view.width, view.height, meta.root_lower, meta.root_upper);
   const RayQuery ray = camera.Query(place(pick.x, view.width) + 0.5, place(pick.y, view.height) + 0.5);
-  if (!CheckRay(ray)) return (*answer_)(AnswerText(pick.pick, nullptr));  // from too far to see anything
+  if (!CheckRay(ray))
+    return (*answer_)(AnswerText(pick.pick, nullptr));  // so far away that nothing is visible
   const uint32_t number =
       rays_.Ask(ray, [this, number = pick.pick, ray, eye = view.camera.eye](const RayDone& hit) {
         asked_.erase(hit.ray);

@@ -15,15 +15,15 @@
 
 namespace quarry {
 
-/// Answers a viewer's picks: the surface that is seen at a pixel of its view. A pick is one ray, traced by a
+/// Answers a viewer's picks: the visible surface at a pixel of its view. A pick is one ray, traced by a
 /// worker. The block of the triangle that it hits is then fetched, for the point and the normal by the
 /// triangle's vertices, its part and its material. No sockets. Not thread-safe.
 class Picker {
  public:
-  /// The picks that may be under way; a newer one replaces the oldest.
+  /// Limit of pending picks; a newer one replaces the oldest.
   static constexpr size_t kMost = 8;
-  /// `rays`, `scene` and `source` (of the scene's blocks) must outlive this. `answer` takes the answers for
-  /// the viewer, JSON; none comes after this is destroyed.
+  /// `rays`, `scene` and `source` (of the scene's blocks) must outlive this. `answer` gets the answers for
+  /// the viewer as JSON; it is not called after this object is destroyed.
   Picker(RayDispatcher& rays, const Scene& scene, VoxelSource& source,
          std::function<void(std::string)> answer)
       : rays_(rays),
@@ -32,7 +32,7 @@ class Picker {
         answer_(std::make_shared<const Answer>(std::move(answer))) {}
   ~Picker();
 
-  /// Asks for the surface at a pixel. A place beside the view is moved to its border. Requires: `view` is
+  /// Asks for the surface at a pixel. A place outside the view is moved to its border. Requires: `view` is
   /// normalized.
   void Ask(const PickMessage& pick, const View& view);
 

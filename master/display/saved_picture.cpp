@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// The job's client: jobs see it as a connection, whose messages come here.
+/// The job's client: a connection for the jobs, whose messages arrive here.
 class SavedPicture final : public Connection {
  public:
   SavedPicture(SavedPictures& site, SavedPictures::OnNews on_news)
@@ -20,7 +20,7 @@ class SavedPicture final : public Connection {
 
   void Start(OnMessage, OnClose) override {}
   void Expect(Speaker, uint32_t) override {}
-  /// Jobs send while they go through their clients, so a message is handled in a turn of its own.
+  /// Jobs send while they iterate over their clients, so a message is handled in a later event.
   void Send(Message message) override {
     queued_ += message.raw.size();
     boost::asio::post(site_.io_, [self = weak_from_this(), message = std::move(message)]() mutable {
@@ -59,7 +59,7 @@ class SavedPicture final : public Connection {
   }
 
   SavedPictures& site_;
-  SavedPictures::OnNews on_news_;  ///< empty once all is told
+  SavedPictures::OnNews on_news_;  ///< empty after the last news
   uint64_t queued_ = 0;
   const std::string peer_ = "a viewer";
 };
@@ -72,7 +72,7 @@ SavedPictures::~SavedPictures() = default;
 Result<std::shared_ptr<SavedPicture>> SavedPictures::Ask(RenderJob job, OnNews on_news) {
   const auto picture = std::make_shared<SavedPicture>(*this, std::move(on_news));
   QUARRY_TRY(jobs_.ask(picture, JobRequest{std::move(job), 0}));
-  // The jobs hold their clients. The viewer holds this object, whose end tells the jobs.
+  // The jobs hold their clients. The viewer holds this object; its destructor informs the jobs.
   return std::shared_ptr<SavedPicture>(picture.get(),
                                        [this, picture](SavedPicture*) { jobs_.forget(picture); });
 }
@@ -84,7 +84,7 @@ std::string SavedPictures::Keep(Bytes image) {
   std::string name = "saved-";
   for (const uint8_t byte : random) name += fmt::format("{:02x}", byte);
   name += ".png";
-  // The memory is counted for as long as anybody holds the bytes: an answer on its way does.
+  // The memory is counted as long as anybody holds the bytes, such as an answer that is being sent.
   auto held = jobs_.hold(image.size());
   const std::shared_ptr<const Bytes> bytes(new Bytes(std::move(image)),
                                            [held = std::move(held)](const Bytes* gone) { delete gone; });

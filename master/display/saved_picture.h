@@ -20,8 +20,8 @@ namespace quarry {
 /// A picture that a viewer saves: a job of one frame, and its PNG until the browser has it.
 class SavedPicture;
 
-/// The pictures that viewers save, of any size, rendered by the cluster as jobs are and counted in memory as
-/// they are. Runs on the io_context's thread.
+/// The pictures that viewers save, of any size. They are rendered, and counted in memory, like jobs. Runs on
+/// the io_context's thread.
 class SavedPictures {
  public:
   /// The functions of the master's jobs, on the io_context's thread.
@@ -32,7 +32,7 @@ class SavedPictures {
     /// As FrameMemory::Take().
     std::function<FrameMemory::Reservation(uint64_t)> hold;
   };
-  /// How far a picture is.
+  /// The progress of a picture.
   struct News {
     double done = 0;      ///< in [0, 1]
     std::string file;     ///< that Fetch() gives, once it is done
@@ -45,10 +45,10 @@ class SavedPictures {
   SavedPictures(boost::asio::io_context& io, JobService jobs, std::function<double()> now);
   ~SavedPictures();
 
-  /// Asks for a picture. `tell` is called from later events, until it has told a file or a failure. The job
+  /// Asks for a picture. `tell` is called from later events, until the news is a file or a failure. The job
   /// ends with the last copy of the result. Errors: the job is refused.
   Result<std::shared_ptr<SavedPicture>> Ask(RenderJob job, OnNews on_news);
-  /// The file of this name, for a browser that has the session; 404 when it is not there (any more).
+  /// The file of this name, for a browser that has the session; 404 when it is not there, or no longer.
   HttpResponse Fetch(const std::string& name) const;
   /// Whether a name is of the form that News::file has.
   static bool Names(const std::string& name);

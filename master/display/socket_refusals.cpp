@@ -7,7 +7,7 @@
 namespace quarry {
 namespace {
 
-/// The word of a try; empty: none, or one that no page of ours sends.
+/// The word of a try; empty: none, or a word that our pages do not send.
 std::string TryOf(const HttpRequest& request) {
   constexpr size_t kMostLetters = 40;
   const std::string name = "try=";

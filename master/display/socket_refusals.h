@@ -9,25 +9,26 @@
 
 namespace quarry {
 
-/// Why WebSockets were refused, for pages that ask: a browser does not tell a page the answer to a WebSocket.
-/// A page names each try by a word of its own (`live?try=WORD`) and asks for it afterwards
+/// Reasons of refused WebSockets, for pages that ask: a browser hides the answer to a WebSocket from its
+/// page. A page names each try by a word of its own (`live?try=WORD`) and asks for it afterwards
 /// (`refusal?try=WORD`). Not thread-safe.
 class SocketRefusals {
  public:
-  /// Tries that are remembered: of all pages that fail within the second that a question takes.
+  /// Number of tries that are remembered: enough for all pages that fail within the second that a question
+  /// takes.
   static constexpr size_t kMost = 64;
 
-  /// Notes the refusal of a request that has named its try.
+  /// Records the refusal of a request that names its try.
   void Note(const HttpRequest& request, const std::string& sentence);
-  /// The sentence; 404 if no such try has been refused: it did not come here.
+  /// The sentence; 404 if no such try was refused here.
   HttpResponse Answer(const HttpRequest& request) const;
 
  private:
-  std::deque<std::pair<std::string, std::string>> refused_;  ///< by the word of the try
+  std::deque<std::pair<std::string, std::string>> refused_;  ///< by the try's word
 };
 
-/// The sentence about a request for a WebSocket whose header Upgrade is missing: a proxy has taken it away.
-/// Other headers of WebSockets pass proxies. Empty: the request asked for no WebSocket.
+/// The sentence about a request for a WebSocket whose header Upgrade is missing: a proxy has removed it.
+/// Proxies pass the other headers of WebSockets. Empty: the request was not for a WebSocket.
 std::string SwallowedUpgrade(const HttpRequest& request);
 
 }  // namespace quarry

@@ -15,32 +15,31 @@ constexpr double kRestS = 0.15;
 constexpr double kPatienceS = 0.06;
 /// Seconds between frames of one view: while its lattice is refined or filled, and while samples accumulate.
 constexpr double kRefinedEveryS = 0.04, kSampledEveryS = 0.1;
-/// Seconds between attempts at pixels that wait for blocks. Without fewer of them for kStuckS, the exact pass
-/// begins: it waits for blocks where they are.
+/// Seconds between attempts at pixels that wait for blocks. If their number does not fall for kStuckS, the
+/// exact pass begins: workers wait for its blocks.
 constexpr double kRefillS = 0.05, kStuckS = 1;
 /// Seconds of rest after which the exact pass begins, whatever waits.
 constexpr double kMostFillS = 3;
-/// The share of a frame's time that its lattice may take, and that a finer lattice must be expected to take.
+/// Largest share of a frame's time for its lattice, and largest expected share for a finer lattice.
 constexpr double kShare = 0.85, kFinerShare = 0.65;
 /// Step of the coarsest lattice: 1,200 points of a picture of 640x480, 2 to 3 ms of one core. A twentieth of
-/// a core traces some of them a second.
+/// a core traces several a second.
 constexpr uint32_t kCoarsest = 16;
-/// Step of the lattice that is fine enough to go on with all pixels at rest. A coarser one is refined first,
-/// for the first sample of all pixels may take a starved cluster a minute.
+/// Step of the lattice that is fine enough to continue with all pixels at rest. A coarser lattice is refined
+/// first, because a starved cluster may need a minute for the first sample of all pixels.
 constexpr uint32_t kRestStep = 4;
-/// Seconds that a lattice of any size takes: messages there and back, and the last tile's wait.
+/// Seconds for a lattice of any size: messages both ways, and the wait for the last tile.
 constexpr double kLatticeS = 4e-3;
 /// Weight of a lattice's time in the running mean.
 constexpr double kNewTime = 0.3;
-/// Points that an exposure is guessed from.
+/// Number of points from which an exposure is guessed.
 constexpr size_t kGuessPoints = 4096;
 
 uint64_t PointsOf(const View& view, uint32_t step) {
   return uint64_t{(view.width + step - 1) / step} * ((view.height + step - 1) / step);
 }
 
-/// The exposure by the pixels at hand that are covered, of which those in the background's colour count as no
-/// surface.
+/// The exposure from the covered pixels so far; pixels in the background's colour do not count as surfaces.
 double GuessExposure(const LivePicture& picture, const View& view) {
   const uint32_t background = PackShared(view.background);
   std::vector<MeteredPoint> points;
@@ -65,11 +64,11 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
     pending_ = Pending{std::move(wanted), now_s};
     return;
   }
-  // The same rays: at most it is shown otherwise.
+  // The same rays: at most its tones change.
   pending_.reset();
   const bool other_exposure = wanted.exposure != wanted_.exposure;
   wanted_ = std::move(wanted);
-  // The same view, asked for again at rest, is answered by a frame with its new input number.
+  // The same view, requested again at rest, is answered by a frame with its new input number.
   if (!other_exposure && (wanted_.moving || stage_ != Stage::kExact)) return;
   picture_.Renew();
   sent_.exact = false;
@@ -121,12 +120,12 @@ std::optional<DueFrame> ViewPacer::Step(double now_s) {
 
 // --- Stages
 
-/// Goes through the stages as far as tiles are done, and orders the last one's tiles.
+/// Advances through the stages as far as tiles are done, and orders the tiles of the reached stage.
 void ViewPacer::Advance(double now_s) {
   for (;;) {
     if (stage_ != Stage::kLattice) {
       if (under_way_ >= kMostUnderWay) return;
-      // Early: until then a view is exposed as the one before was.
+      // Early: until then a view has the exposure of the view before.
       if (stage_ == Stage::kSamples || (now_s >= rest_s_ && !pending_)) Meter();
     }
     Note(now_s);
@@ -146,7 +145,7 @@ void ViewPacer::Note(double now_s) {
   }
 }
 
-/// The stage that the view is in from now on: the present one, or the next.
+/// The stage that follows: the present one, or the next.
 ViewPacer::Stage ViewPacer::Next(double now_s) const {
   const bool rests = now_s >= rest_s_;
   switch (stage_) {
@@ -155,7 +154,7 @@ ViewPacer::Stage ViewPacer::Next(double now_s) const {
     case Stage::kRefine: {
       const bool locked = settings_.step != 0 && !rests;
       if (locked || dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return Stage::kRefine;
-      // The exact pass brings the pixels between, too.
+      // The exact pass traces the pixels in between, too.
       const bool fine = rests && !pending_ && lattice_.step <= kRestStep && picture_.waiting() == 0;
       return fine || lattice_.step == 1 ? Stage::kFill : Stage::kRefine;
     }
@@ -243,7 +242,7 @@ uint32_t ViewPacer::ChooseStep() const {
   return kCoarsest;
 }
 
-/// Notes how long lattice points took.
+/// Records the time that lattice points took.
 void ViewPacer::NoteTime(double seconds, uint64_t points) {
   const double tracing_s = std::max({seconds - kLatticeS, seconds / 4, 1e-6});
   const double point_s = tracing_s / static_cast<double>(std::max<uint64_t>(points, 1));
@@ -260,8 +259,8 @@ void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, 
   dispatcher_.Trace(frame_, area, urgency);
 }
 
-/// Asks for the coarsest lattice, before all other tiles, where the first lattice is late: tiles here and
-/// there say less than a coarse picture of all.
+/// Orders the coarsest lattice before all other tiles where the first lattice is late: a coarse whole picture
+/// shows more than scattered fine tiles.
 void ViewPacer::Hurry(double now_s) {
   if (lattice_.coarse_asked || settings_.wait || lattice_.step == kCoarsest) return;
   if (now_s < begun_s_ + kPatienceS) return Wake(begun_s_ + kPatienceS);
@@ -269,7 +268,7 @@ void ViewPacer::Hurry(double now_s) {
   TraceLattice(kCoarsest, 0, 0, LiveUrgency::kAnswer);
 }
 
-/// Asks for the points between the points of the finest lattice, unless they are under way.
+/// Orders the points between those of the finest lattice, unless they are ordered already.
 void ViewPacer::Refine(double now_s) {
   if (dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
   if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked
@@ -298,7 +297,7 @@ void ViewPacer::Meter() {
   dispatcher_.Trace(*exposure_.meter, MeteredTile(view), LiveUrgency::kAnswer);
 }
 
-/// One sample first, then three times as many as there are: few ranges, and something to see early.
+/// One sample first, then three times as many as there are: few ranges, and an early picture.
 void ViewPacer::TraceSamples() {
   const uint32_t have = picture_.samples(), all = wanted_.view.spp;
   if (have == all || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
@@ -318,8 +317,7 @@ bool ViewPacer::IsDue(double now_s) {
   if (!picture_.has_news()) return false;
   if (!sent_.any) {
     if (stage_ != Stage::kLattice) return true;
-    // A lattice is shown whole, its holes for absent blocks included: the coarsest one, where it was asked
-    // for.
+    // A lattice is shown as a whole, with its holes for absent blocks; the coarsest one where it was ordered.
     return lattice_.coarse_asked && !dispatcher_.Wants(frame_, LiveUrgency::kAnswer) && picture_.traced() > 0;
   }
   const double next_s = sent_.at_s + (stage_ == Stage::kSamples ? kSampledEveryS : kRefinedEveryS);

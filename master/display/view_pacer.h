@@ -17,14 +17,14 @@ namespace quarry {
 struct WantedView {
   View view;                       ///< normalized; without layers, of the whole image
   std::optional<double> exposure;  ///< EV; none: automatic
-  uint64_t input = 0;              ///< the viewer's number and clock, which come back in frames
+  uint64_t input = 0;              ///< the viewer's number and clock, which frames repeat
   double time_ms = 0;
   bool moving = false;  ///< more views follow at once
 };
 
-/// How a viewer wants to see it.
+/// A viewer's settings for its views.
 struct ViewSettings {
-  double frame_rate = 30;  ///< frames a second that motion should have, in [10, 60]
+  double frame_rate = 30;  ///< wanted frames a second in motion, in [10, 60]
   uint32_t step = 0;       ///< in motion: 1, 2 or 4; 0: as fine as the frame rate allows
   bool wait = false;       ///< whether frames wait for all their pixels
   bool owners = false;     ///< whether frames name the worker of each tile
@@ -36,10 +36,10 @@ struct TracedBy {
   uint32_t worker = 0;
 };
 
-/// A frame that is to be sent to a viewer now.
+/// A frame to send to a viewer now.
 struct DueFrame {
   WantedView wanted;
-  uint32_t step = 1;   ///< side of the squares of which each has a traced pixel
+  uint32_t step = 1;   ///< side of the squares that have one traced pixel each
   uint32_t scale = 1;  ///< side of the squares that are sent as one pixel; at most `step`
   uint64_t traced = 0, waiting = 0;
   uint32_t samples = 0;
@@ -53,7 +53,7 @@ struct DueFrame {
 
 /// Decides which tiles of a viewer's views are traced and which frames are sent, so that the picture never
 /// freezes and becomes exact at rest.
-/// - The newest view wins. It begins when a frame of the view before has been sent.
+/// - The newest view wins. It begins when a frame of the earlier view has been sent.
 /// - A lattice of sample 0 comes first, of each 16th to every pixel a side, as fine as the frame rate allows.
 /// It is sent when it is complete. When it is late, the coarsest one is traced before all else and sent.
 /// - Then the lattice is refined, and pixels that wait for blocks are traced again.
@@ -63,7 +63,7 @@ struct DueFrame {
 /// Units: seconds of any clock that does not go back. No sockets, no threads. Not thread-safe.
 class ViewPacer {
  public:
-  /// Frames that may be under way, from encoding to acknowledgement.
+  /// Limit of pending frames, from encoding to acknowledgement.
   static constexpr uint32_t kMostUnderWay = 2;
   /// `dispatcher` must outlive this. `viewer`: its number there.
   /// `materials`: the scene's, for the exposure. They outlive this.
@@ -75,15 +75,15 @@ class ViewPacer {
 
   void Want(WantedView wanted, double now_s);
   void Set(const ViewSettings& settings);
-  /// A frame of this viewer's has been drawn.
+  /// The browser has drawn a frame of this viewer.
   void Acknowledged();
-  /// Gives back the memory of a frame's rows.
+  /// Takes back the memory of a frame's rows.
   void Reuse(std::vector<PictureRows> rows) { picture_.Reuse(std::move(rows)); }
-  /// Takes a finished tile. False: it is of none of the pacer's frames.
+  /// Takes a finished tile. False: it belongs to no frame of this pacer.
   bool Take(const LiveTile& tile, std::span<const std::byte> pixels, double now_s);
 
-  /// Goes on: orders the tiles that come next. Returns the frame that is to be sent now, at most
-  /// kMostUnderWay frames that have not been acknowledged.
+  /// Continues: orders the next tiles. Returns: the frame to send now, if fewer than kMostUnderWay frames
+  /// wait for acknowledgement.
   std::optional<DueFrame> Step(double now_s);
   /// When Step() is to be called again even if nothing else happens; far away if never.
   double due_s() const { return due_s_; }
@@ -149,22 +149,22 @@ class ViewPacer {
     uint32_t step = 1;             ///< of the finest lattice that is complete, or of the first
     uint32_t first_step = 4;       ///< of the lattice that came first
     uint32_t refining = 0;         ///< step of the lattice under way after the first; 0: none
-    bool coarse_asked = false;     ///< the coarsest lattice, too, since the first one is late
+    bool coarse_asked = false;     ///< the coarsest lattice is ordered too, because the first one is late
     std::vector<TracedBy> owners;  ///< of the first lattice's tiles
   };
   /// Of kFill; holes are noted from the first lattice on.
   struct Holes {
     std::vector<Tile> tiles;  ///< with waiting pixels
-    double refill_s = 0;      ///< when they may be traced again; goes on from view to view
-    uint64_t fewest = 0;      ///< waiting pixels so far
-    double fewer_s = 0;       ///< when they became as few
+    double refill_s = 0;      ///< when they may be traced again; kept across views
+    uint64_t fewest = 0;      ///< fewest waiting pixels so far
+    double fewer_s = 0;       ///< when their number became that small
   };
   /// Frames that were sent of the view.
   struct Sent {
     bool any = false, exact = false;
-    double at_s = 0;  ///< the last one; goes on from view to view
+    double at_s = 0;  ///< the last one; kept across views
   };
-  /// The exposure of views. Metered for the view that is traced from rest on, until then of the view before.
+  /// The exposure of views. Metered for the traced view from rest on; until then that of the view before.
   struct Exposure {
     std::optional<FrameId> meter;  ///< under way
     std::vector<MeteredPoint> points;
@@ -186,7 +186,7 @@ class ViewPacer {
   WantedView wanted_;  ///< the view that is traced
   FrameId frame_ = 0;  ///< its frame; none in kNone
   LivePicture picture_;
-  double came_s_ = 0, begun_s_ = 0, traced_s_ = 0;  ///< when it came, was begun, and got its last tile
+  double came_s_ = 0, begun_s_ = 0, traced_s_ = 0;  ///< when it arrived, was begun, and got its last tile
   Lattice lattice_;
   Holes holes_;
   Sent sent_;

@@ -18,12 +18,12 @@ using nlohmann::ordered_json;
 
 /// Messages of a browser: a few for each frame of its screen, and a burst when a page wakes up.
 constexpr double kMessagesPerS = 300, kMostMessages = 600;
-/// Messages that cannot be read: a page of another version sends some, a flood ends the viewer.
+/// Messages that cannot be read: a page of another version sends a few; a flood disconnects the viewer.
 constexpr double kMistakesPerS = 1, kMostMistakes = 20;
-/// Bytes of texts on their way to a browser, beside its welcome, beyond which it is told nothing that it can
-/// do without; and beyond which it is ended, since it goes on asking. 64 viewers make 16 MiB.
+/// Limits for texts that wait for a browser, in bytes, beside its welcome. Beyond the first, only required
+/// texts are sent; beyond the second, the viewer is disconnected. 64 viewers take 16 MiB at most.
 constexpr uint64_t kBehindBytes = 32u << 10, kFarBehindBytes = 256u << 10;
-/// Seconds for which a browser may take no whole frame, and bytes a second that a slow line takes at least.
+/// Seconds within which a browser must take a frame, and least bytes a second of a slow line.
 constexpr double kStallS = 30, kSlowLine = 16 << 10;
 
 std::string ErrorText(const std::string& sentence) {
@@ -161,7 +161,7 @@ void Viewer::SendAnswer(std::string json) {
   socket_->SendText(std::move(json));
 }
 
-/// A message that cannot be taken: the view stays as it is.
+/// Refuses a message: the view is unchanged.
 void Viewer::Refuse(const std::string& sentence) {
   const double now_s = site_.now();
   mistakes_ =
@@ -200,7 +200,7 @@ void Viewer::OnPick(const PickMessage& pick) {
   site_.assign_soon();
 }
 
-/// Asks for a picture in the place of the one that was asked for before.
+/// Requests a picture instead of the one requested before.
 void Viewer::OnSave(SaveMessage message) {
   saved_.reset();
   if (!message.job) return;
@@ -236,7 +236,7 @@ Status Viewer::OnView(WantedView wanted) {
   return {};
 }
 
-/// Takes memory for so many pixels, or gives back.
+/// Takes memory for a number of pixels, or returns memory.
 void Viewer::Charge(uint64_t pixels) {
   const uint64_t bytes = pixels * ViewMemory::kPixelBytes;
   site_.memory.taken += bytes - taken_;
@@ -294,7 +294,7 @@ void Viewer::Advance() {
     timer_.Stop();
 }
 
-/// One frame at a time, in their order; but a moving frame overtakes an exact one, which then is not sent.
+/// One frame at a time, in their order. A moving frame overtakes an exact one, which is then not sent.
 void Viewer::EncodeNext() {
   if (due_.empty() || encoding_ == Encoding::kMoving) return;
   const bool exact = !due_.front().exact.empty();
@@ -306,7 +306,7 @@ void Viewer::EncodeNext() {
   auto due = std::make_shared<DueFrame>(std::move(due_.front()));
   due_.pop_front();
   EncodingThread& thread = exact ? site_.exact : site_.moving;
-  // The tone table is of moving frames: an exact one may be encoded beside them.
+  // The tone table belongs to moving frames: an exact one may be encoded at the same time.
   thread.Encode({due, site_.facts, quality_, exact ? std::make_shared<std::optional<ToneTable>>() : tone_},
                 [self = weak_from_this(), due](const Result<EncodedFrame>& encoded) {
                   if (const auto viewer = self.lock()) viewer->OnEncoded(*due, encoded);

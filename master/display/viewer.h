@@ -29,13 +29,12 @@ namespace quarry {
 struct ViewMemory {
   uint64_t most = 256u << 20, taken = 0;
   uint64_t largest = 0;  ///< pixels of a view so far; the encoder keeps memory for it
-  /// Bytes that a pixel of a view takes: its picture with rows under way, the exact frame, and the messages
-  /// of the two frames that may be under way, PNGs that do not compress; and bytes that the encoder takes for
-  /// a pixel of the largest view.
+  /// Bytes for a pixel of a view: its picture with copied rows, the exact frame, and the messages of two
+  /// pending frames, as PNGs that do not compress. Bytes of the encoder for a pixel of the largest view.
   static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + kColorWords * 4 + 2 * 4,
                             kEncoderBytes = 24;
   uint64_t most_pixels() const { return most / (kPixelBytes + kEncoderBytes); }
-  /// Whether a view of `pixels` has room where now `own` bytes are taken for its viewer.
+  /// Whether a view of `pixels` has room; `own`: bytes that its viewer has now.
   bool Fits(uint64_t pixels, uint64_t own) const {
     return taken - own + pixels * kPixelBytes + std::max(largest, pixels) * kEncoderBytes <= most;
   }
@@ -45,7 +44,7 @@ struct ViewMemory {
 struct ViewerSite {
   boost::asio::io_context& io;
   EncodingThread& moving;  ///< for frames in motion
-  EncodingThread& exact;   ///< for exact frames, which take many times as long as moving ones
+  EncodingThread& exact;   ///< for exact frames, which take much longer than moving ones
   LiveDispatcher& dispatcher;
   RayDispatcher& rays;
   const Scene& scene;
@@ -59,7 +58,7 @@ struct ViewerSite {
   std::function<void(double)> took_frame;  ///< seconds that a frame's tracing took
 };
 
-/// A browser that watches: its WebSocket, its pacer, and the frames on their way to it. Runs on the
+/// A watching browser: its WebSocket, its pacer, and its pending frames. Runs on the
 /// io_context's thread; images are encoded on the site's threads.
 class Viewer : public std::enable_shared_from_this<Viewer> {
  public:
@@ -69,13 +68,13 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   ~Viewer();
 
   void Start(const std::string& welcome);
-  /// Takes a finished tile of one of its frames, and goes on.
+  /// Takes a finished tile of one of its frames, and continues.
   void Take(const LiveTile& tile, std::span<const std::byte> pixels);
   /// Sends frames that are due, and orders tiles.
   void Advance();
   /// Sends a text, unless the browser is behind or has not been welcomed.
   void Send(std::string json);
-  /// Sends the cluster's state, once the browser is not behind.
+  /// Sends the cluster's state as soon as the browser is not behind.
   void SendState(std::string json);
   /// Sends the reason and ends the connection.
   void End(const std::string& sentence);
@@ -83,7 +82,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   uint64_t frames_sent() const { return frames_sent_; }
   uint64_t abandoned() const { return pacer_.abandoned(); }
   double frames_per_s() const { return frames_per_s_; }
-  /// Measures frames_per_s(), and ends a viewer that takes nothing. Called about once a second.
+  /// Measures frames_per_s(), and disconnects a viewer that takes nothing. Called about once a second.
   void Sample(double now_s);
 
  private:
@@ -121,8 +120,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   uint32_t exact_overtaken_ = 0;  ///< exact frames under way that moving ones have overtaken: the oldest
   std::shared_ptr<std::optional<ToneTable>> tone_ = std::make_shared<std::optional<ToneTable>>();
   uint64_t next_frame_ = 1, frames_sent_ = 0;
-  /// A frame that was sent. It makes room for another one when the browser has acknowledged it and the system
-  /// has taken its message: a browser may acknowledge frames that it does not read.
+  /// A frame that was sent. It is pending until the browser has acknowledged it and the system has taken its
+  /// message: a browser may acknowledge frames that it does not read.
   struct Sent {
     uint64_t bytes = 0;
     double at_s = 0;

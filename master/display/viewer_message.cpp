@@ -18,7 +18,7 @@ constexpr JsonLimits kLimits{64u << 10, 16, 4096, 64};
 constexpr double kLeastRate = 10, kMostRate = 60, kMostExposure = 100;
 constexpr uint64_t kLeastQuality = 30, kMostQuality = 95;
 
-/// The view of a message: members that it lacks have the default's values; exposure is automatic without one.
+/// The view of a message: missing members have the default's values; without an exposure it is automatic.
 Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescription& defaults,
                                         const glm::dvec3& offset) {
   ViewDescription description = defaults;

@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// Pixels a side of a view, as many as a browser's canvas has.
+/// Limit of a view's side in pixels: that of a browser's canvas.
 inline constexpr uint32_t kMostSide = 16384;
 
 /// The messages of a browser. See PROTOCOL.md.
@@ -29,7 +29,7 @@ struct SettingsMessage {
   std::optional<uint32_t> step;
   std::optional<bool> wait, owners;
 };
-/// A picture of any size is to be rendered as a job; without a job the one under way is given up.
+/// A request to render a picture of any size as a job; without a job the pending one is cancelled.
 struct SaveMessage {
   uint64_t save = 0;
   std::optional<RenderJob> job;

@@ -16,7 +16,7 @@ constexpr int kProtocol = 1;
 
 ordered_json Triple(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-/// The camera as a view has it.
+/// The camera in a view's form.
 ordered_json CameraOf(const CameraSpec& camera, const glm::dvec3& offset) {
   View view;
   view.camera = camera;
@@ -40,7 +40,7 @@ ordered_json Modes() {
   return modes;
 }
 
-/// The scene with its other axis up. A place inside belongs to the axis that it was found with.
+/// The scene with its other axis up. A place inside is valid only for the axis with which it was found.
 SceneSummary Turned(SceneSummary scene) {
   scene.framing.up_axis = scene.framing.up_axis == 1 ? 2 : 1;
   scene.framing.inside.reset();

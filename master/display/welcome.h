@@ -10,7 +10,7 @@
 namespace quarry {
 
 /// The first text to a viewer: the scene, the default view and the limits. See PROTOCOL.md. `name`: of the
-/// scene, for people. `store`: where the master has it. Thread-safe.
+/// scene, for people. `store`: its place for the master. Thread-safe.
 std::string MakeWelcome(const std::string& name, const std::string& store, const SceneSummary& scene,
                         const Catalog& catalog, const ViewDescription& defaults, uint64_t most_pixels);
 

@@ -14,7 +14,7 @@ bool LiesInside(const Box& cell, const Box& box) {
          box.upper.x < cell.upper.x && box.upper.y < cell.upper.y && box.upper.z < cell.upper.z;
 }
 
-/// The first region whose cell has a position: it alone tells the others of it.
+/// The first region whose cell contains a position: it alone sends the position's normals to the others.
 uint32_t OwnerOf(const RegionTree& tree, const glm::vec3& position) {
   uint32_t owner = ~uint32_t{0};
   ForEachLeaf(tree.nodes, {position, position}, [&](KdNode leaf) {
@@ -33,12 +33,12 @@ Result<BorderNormals> BorderNormals::Open(const RegionTree& tree, const std::str
   return BorderNormals(tree, padding, crease, std::move(files));
 }
 
-/// A bit for each corner whose normal this region has to tell to others.
+/// A bit for each corner whose normal this region must send to others.
 uint32_t BorderNormals::WantedCorners(uint32_t region, const TriangleRecord& t,
                                       const HashShare& share) const {
   const Box& cell = tree_->regions[region].cell;
   if (!IsSmoothed(t) || LiesInside(cell, t.PaddedBox(padding_))) return 0;
-  uint32_t lacked = 0;  // by some region that has the triangle
+  uint32_t lacked = 0;  // by a region that has the triangle
   ForEachRegion(*tree_, t, padding_, [&](uint32_t other, const Box&) {
     for (uint32_t k = 0; k < 3; ++k)
       lacked |= Contains(tree_->regions[other].cell, t.vertices[k]) ? 0 : 1u << k;
@@ -95,12 +95,12 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
   return border;
 }
 
-/// Tells the normals of a pass. A pass that found too many is done again in parts.
+/// Sends the normals of a pass. A pass with too many is repeated in parts.
 Status BorderNormals::SendAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
                               const Border& border) {
   QUARRY_TRY(border.status);
   if (!border.too_many) return Send(border.straddlers);
-  constexpr uint32_t kMostPasses = 1u << 27;  // then positions have one hash, by intent: they stay flat
+  constexpr uint32_t kMostPasses = 1u << 27;  // positions forged to have one hash stay flat
   if (share.passes > kMostPasses) return {};
   for (uint32_t part = 0; part < HashShare::kParts; ++part) {
     const HashShare smaller = share.Part(part);
@@ -109,7 +109,7 @@ Status BorderNormals::SendAll(uint32_t region, const SpillFile& triangles, const
   return {};
 }
 
-/// Tells normals to the regions that have the triangle, but not its corner.
+/// Sends normals to the regions that have the triangle, but not its corner.
 Status BorderNormals::Send(const std::vector<Straddler>& straddlers) {
   for (const Straddler& straddler : straddlers) {
     TriangleRecord t;

@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// The normal of a corner that lies outside a region which has the corner's triangle.
+/// The normal of a corner outside a region, of a triangle inside the region.
 struct BorderNormal {
   uint32_t id = 0;           ///< of the triangle
   uint32_t hash_corner = 0;  ///< upper 30 bits of HashOfPosition(), and the corner
@@ -22,16 +22,16 @@ struct BorderNormal {
   uint32_t corner() const { return hash_corner & 3; }
 };
 
-/// The share of hashes of positions whose corners one pass over a region takes, so that a pass takes the same
-/// memory whatever the region.
+/// A share of all positions, by their hashes: one pass over a region handles the corners of one share, so
+/// that each pass takes the same memory.
 struct HashShare {
   uint32_t pass = 0, passes = 1;
 
-  /// The shares for so many triangles.
+  /// The number of shares for a number of triangles.
   static uint32_t PassesFor(uint64_t triangles) {
     return static_cast<uint32_t>(triangles / (kMostInMemory + 1) + 1);
   }
-  /// `hash`: HashOfPosition(); its lowest two bits do not count.
+  /// `hash`: HashOfPosition(); its lowest two bits are ignored.
   bool Has(uint32_t hash) const { return (hash >> 2) % passes == pass; }
   /// One of kParts parts of this share.
   static constexpr uint32_t kParts = 8;
@@ -44,10 +44,10 @@ inline bool Contains(const Box& cell, const glm::vec3& p) {
          p.y <= cell.upper.y && p.z <= cell.upper.z;
 }
 
-/// The normals that regions must exchange: a region has every triangle about the positions in its cell, so it
-/// alone finds the normals there, but a triangle that lies in several regions needs them in each. Each region
-/// has a file for the normals of its triangles' corners that lie outside its cell.
-/// Memory: kThreadBytes for each thread at most. Thread safety: none.
+/// The normals that regions must exchange. A region has every triangle at the positions in its cell, so it
+/// alone can find the normals there. A triangle that lies in several regions needs the normals of all its
+/// corners in each. Each region has a file for the normals of corners outside its cell. Memory: kThreadBytes
+/// for each thread at most. Thread safety: none.
 class BorderNormals {
  public:
   /// Bytes of a thread: kMostStraddlers of 52 bytes in a vector that doubles, kMostCorners of 40 bytes.
@@ -58,8 +58,8 @@ class BorderNormals {
   static Result<BorderNormals> Open(const RegionTree& tree, const std::string& prefix, float padding,
                                     double crease, const SpillFiles::Options& options);
 
-  /// Finds the normals on the borders of the regions [first, last), for all other regions; several regions at
-  /// once by `threads`. `done` is called with the triangles of each. Errors: disk full; read errors.
+  /// Finds the normals on the borders of the regions [first, last) for all other regions, on `threads`
+  /// threads. `done` is called with the triangles of each. Errors: disk full; read errors.
   Status AddRegions(const RegionFiles& triangles, uint32_t first, uint32_t last, unsigned threads,
                     const std::function<void(uint64_t)>& done);
   SpillFiles& files() { return files_; }
@@ -74,14 +74,14 @@ class BorderNormals {
     uint32_t id;
     CornerNormal found;
   };
-  /// The result of a pass over a region. `too_many`: more straddlers than memory has room for; the pass must
-  /// be split.
+  /// The result of a pass over a region. `too_many`: more straddlers than fit the memory; the pass must be
+  /// split.
   struct Border {
     std::vector<Straddler> straddlers;
     bool too_many = false;
     Status status;
   };
-  /// Corners on the border, and corners about their positions, of a pass at once.
+  /// Corners of one pass on the border, and all corners at their positions.
   static constexpr size_t kMostStraddlers = 128 << 10, kMostCorners = 768 << 10;
   Border Find(uint32_t region, const SpillFile& triangles, const HashShare& share) const;
   uint32_t WantedCorners(uint32_t region, const TriangleRecord& t, const HashShare& share) const;

@@ -14,9 +14,10 @@ namespace {
 constexpr size_t kSmallestTable = 1 << 12;
 constexpr double kPi = 3.14159265358979323846;
 constexpr float kTurnedCosine = -0.5f;  // facets so far apart are two sides of a sheet, or of a spike
-// A sum so much smaller than its terms points nowhere: a smoothing group that closes on itself.
+// A sum that is this much smaller than its terms has no direction: the smoothing group closes on itself.
 constexpr float kLeastShare = 0.01f;
-// A normal nearer to its triangle's is left out: 0.15 degrees, no grey level of a picture of 8 bits.
+// A normal within 0.15 degrees of its triangle's is left out: the difference is less than a grey level of 8
+// bits.
 constexpr float kFlatCosine = 1 - 3.5e-6f;
 
 /// The arc cosine, to 7e-5 radians. Source: Abramowitz & Stegun, 4.4.45.
@@ -41,7 +42,7 @@ uint32_t HashOfPosition(const glm::vec3& position) {
 CornerFans::CornerFans(double crease) {
   double sine, cosine;
   SinCos(crease * (kPi / 180), sine, cosine);
-  // Facets of a cylinder that meet at just the crease angle differ by rounding.
+  // Facets of a cylinder that meet at exactly the crease angle differ by rounding.
   smooth_cosine_ = static_cast<float>(cosine) - 1e-5f;
   Clear();
 }
@@ -58,7 +59,7 @@ void CornerFans::Clear() {
 
 /// The place in the table of a position, or of the free slot where it belongs.
 size_t CornerFans::Probe(const glm::vec3& position, uint32_t hash) const {
-  // Multiplied, since the hashes of a pass have their low bits in common.
+  // Multiplied, because the hashes of a pass share their low bits.
   size_t at = (hash * 0x9E3779B1u) >> table_shift_;
   while (table_[at] != kFree && positions_[table_[at]] != position) at = (at + 1) & (table_.size() - 1);
   return at;
@@ -137,7 +138,7 @@ void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNorma
   for (size_t i = 0; i < fan.size(); ++i) {
     const Face& face = faces_[fan[i] >> 2];
     const float length = std::sqrt(glm::dot(sums[i], sums[i]));
-    // Negated, so that sums that are no numbers are left out too.
+    // Negated, so that sums that are not numbers are left out too.
     if (!(length > kLeastShare * angles[i] && glm::dot(sums[i], face.normal) < kFlatCosine * length))
       continue;
     normals.push_back({face.triangle, fan[i] & 3, PackNormal(sums[i])});

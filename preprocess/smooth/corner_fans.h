@@ -9,7 +9,7 @@
 
 namespace quarry {
 
-/// The smooth normal of a triangle's corner. `triangle`: its number, as given to CornerFans.
+/// The smooth normal of a triangle's corner. `triangle`: its number in CornerFans.
 struct CornerNormal {
   uint32_t triangle = 0;
   uint32_t corner = 0;
@@ -19,13 +19,12 @@ struct CornerNormal {
 /// A hash of a position; 0 and -0 are one position.
 uint32_t HashOfPosition(const glm::vec3& position);
 
-/// The corners that meet at positions, and their smooth normals: of each corner, the mean of the unit normals
-/// of the triangles about its position that its own triangle meets smoothly, weighted by their angles there.
-/// Triangles meet smoothly when they share a smoothing group, or, without groups, when their planes meet at
-/// most at the crease angle; which side faces outwards does not matter then. Positions are one if their
-/// coordinates are equal. More than kMostAround corners about a position stay flat. Memory: about 40 bytes a
-/// corner. Thread safety: none. Source: Thürmer & Wüthrich, Computing Vertex Normals from Polygonal Facets,
-/// 1998.
+/// The corners that meet at positions, and their smooth normals. A corner's normal is the mean of the unit
+/// normals of those triangles at its position that its own triangle meets smoothly, weighted by their angles
+/// there. Triangles meet smoothly when they share a smoothing group; without groups, when the angle between
+/// their planes is at most the crease angle, whichever side faces outwards. Positions with equal coordinates
+/// are one position. Positions with more than kMostAround corners stay flat. Memory: about 40 bytes a corner.
+/// Thread safety: none. Source: Thürmer & Wüthrich, Computing Vertex Normals from Polygonal Facets, 1998.
 class CornerFans {
  public:
   /// The time of a fan grows with the square of its corners.
@@ -35,17 +34,17 @@ class CornerFans {
   explicit CornerFans(double crease);
   void Clear();
 
-  /// Makes an empty fan at a position, unless there is one, and returns how often it has been opened. `hash`,
+  /// Makes an empty fan at a position, unless there is one. Returns: how often it has been opened. `hash`,
   /// here and below: HashOfPosition().
   uint32_t Open(const glm::vec3& position, uint32_t hash) { return ++opened_[SlotOf(position, hash)]; }
   bool Has(const glm::vec3& position, uint32_t hash) const { return table_[Probe(position, hash)] != kFree; }
   bool empty() const { return positions_.empty(); }
   size_t corners() const { return corners_.size(); }
-  /// Adds a corner to the fan at its position. Requires: IsSmoothed(t); corners of a triangle one after the
-  /// other.
+  /// Adds a corner to the fan at its position. Requires: IsSmoothed(t); the corners of a triangle are added
+  /// one after the other.
   void Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner, uint32_t hash);
 
-  /// The normals of corners that visibly differ from their triangle's own, in no order.
+  /// The normals of corners that differ visibly from their triangle's normal, in any order.
   std::vector<CornerNormal> Solve() const;
 
  private:
@@ -68,7 +67,7 @@ class CornerFans {
 
   float smooth_cosine_;
   std::vector<uint32_t> table_;  ///< slots by hash of position, open addressing
-  int table_shift_ = 0;          ///< 32 less the bits of a place in the table
+  int table_shift_ = 0;          ///< 32 minus the bits of a place in the table
   std::vector<glm::vec3> positions_;
   std::vector<uint32_t> opened_;  ///< times, of each slot
   std::vector<uint32_t> counts_;  ///< corners of each slot, corners beyond kMostAround included

@@ -52,7 +52,7 @@ class RegionNormals {
     }
   }
 
-  /// The normals of this pass, in no order.
+  /// The normals of this pass, in any order.
   std::vector<CornerNormal>& Finish() {
     const std::vector<CornerNormal> solved = fans_.Solve();
     found_.insert(found_.end(), solved.begin(), solved.end());
@@ -77,7 +77,7 @@ void SetNormal(TriangleRecord& t, const CornerNormal& found) {
   t.normals[found.corner] = UnpackNormal(found.normal);
 }
 
-/// The next normals of a pass's file.
+/// Reads the next normals of a pass's file.
 class PassReader {
  public:
   explicit PassReader(const SpillFile& file) : reader_(file) { Next(); }
@@ -100,7 +100,7 @@ class PassReader {
 
 using Drop = std::function<bool(const TriangleRecord&)>;
 
-/// A copy of a file that is too large for memory, with normals, without the triangles that `drop` names.
+/// Copies a file that is too large for memory, with normals, and without the triangles that `drop` selects.
 Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, const std::string& prefix,
                              const Drop& drop) {
   constexpr size_t kSmallBlock = 64 << 10;  // a region of 10 million triangles has 39 passes
@@ -139,7 +139,7 @@ Result<SpillFile> SmoothFile(const SpillFile& triangles, RegionNormals normals, 
   return smooth;
 }
 
-/// A copy of a file without the triangles that `drop` names.
+/// Copies a file without the triangles that `drop` selects.
 Result<SpillFile> KeptOf(const SpillFile& triangles, const std::string& prefix, const Drop& drop) {
   QUARRY_ASSIGN(SpillFile kept, SpillFile::Open(prefix + "kept", triangles.element_bytes(), 0));
   QUARRY_TRY(ForEachRecord(triangles, 0, triangles.count(), [&](const TriangleRecord& t) -> Status {

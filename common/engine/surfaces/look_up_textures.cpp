@@ -7,7 +7,7 @@
 namespace quarry {
 namespace {
 
-/// Gathers the texels of lookups that have not begun and whose pages are all at hand. Returns: their lanes.
+/// Gathers the texels of lookups that have not begun and whose pages are all in memory. Returns: their lanes.
 uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyramid& pyramid) {
   if (pyramid.layout.format == TexelFormat::kHalf) return 0;
   TexelPacket& texels = work.scratch.texels;
@@ -15,7 +15,7 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
   lanes &= LanesAt(0, work.lookups->texels);
   PlaceTexels(pyramid, footprints, lanes, texels);
   uint64_t whole = 0;
-  uint32_t page = kNoIndex;  // of the last texel; neighbours mostly share it
+  uint32_t page = kNoIndex;  // of the last texel; neighbours usually share it
   const ResidentBlock* block = nullptr;
   ForEachLane(lanes, [&](uint32_t i) {
     const uint32_t count = footprints.share[i] > 0 ? 8 : 4;
@@ -33,7 +33,7 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
   return whole;
 }
 
-/// Goes on with lookups texel by texel. Returns: the lanes that wait for a page, which are parked.
+/// Continues lookups texel by texel. Returns: the lanes that wait for a page, which are parked.
 uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyramid& pyramid,
                       LookupKind kind) {
   TextureLookups& lookups = *work.lookups;
@@ -58,7 +58,7 @@ uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyram
   return waiting;
 }
 
-/// Goes on with the lookups of one texture. Returns: the lanes that wait for a page of it, which are parked.
+/// Continues the lookups of one texture. Returns: the lanes that wait for a page of it, which are parked.
 uint64_t LookUp(const PacketWork& work, uint64_t lanes, const SurfaceTexture& texture) {
   if (lanes == 0) return 0;
   TextureLookups& lookups = *work.lookups;

@@ -4,8 +4,8 @@
 
 namespace quarry {
 
-/// Makes the frames of textures, once the attributes are there. Returns: the lanes that have textures to look
-/// up. Requires: the view looks textures up.
+/// Makes the texture frames of surfaces whose attributes are there. Returns: the lanes that have textures to
+/// look up. Requires: the view looks textures up.
 uint64_t StartLookups(PacketWork& work, uint64_t lanes);
 
 /// Looks textures up, each sample's one after the other: moves lanes from kTextures to kShade. Returns: the

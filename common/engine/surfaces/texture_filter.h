@@ -14,7 +14,7 @@
 #include "common/voxel/catalog.h"
 
 // Filtered lookups of textures whose pages may be missing. A lookup is a sum over a few texels in a fixed
-// order. It keeps the sum and the number of texels that it has, so that it can wait for one page at a time.
+// order. It keeps the sum and its number of texels, so that it can wait for one page at a time.
 
 namespace quarry {
 
@@ -49,7 +49,7 @@ struct FilterFootprint {
 };
 
 /// The two texels of `size` around a position along one axis, and the weight of the second. Selects instead
-/// of branching, so that loops of it become vector instructions.
+/// of branching, so that loops over it become vector instructions.
 template <TextureWrap kWrap>
 inline void TexelsAlong(float position, uint32_t size, uint32_t& first, uint32_t& second, float& weight) {
   float p = std::fabs(position) <= 0x1p20f ? position : 0.0f;
@@ -72,7 +72,7 @@ inline void TexelsAlong(float position, uint32_t size, uint32_t& first, uint32_t
   second = static_cast<uint32_t>(i < last ? i + 1 : high);
 }
 
-/// TexelsAlong() for a wrap that is not known before.
+/// TexelsAlong() for a wrap that is known at run time only.
 inline void TexelsAlong(TextureWrap wrap, float position, uint32_t size, uint32_t (&texels)[2],
                         float& weight) {
   switch (wrap) {
@@ -85,7 +85,7 @@ inline void TexelsAlong(TextureWrap wrap, float position, uint32_t size, uint32_
   }
 }
 
-/// The texels of level 0 around a point of the image: of lookups that no footprint may blur.
+/// The texels of level 0 around a point of the image, for lookups that must not be blurred.
 inline FilterFootprint BaseFootprint(const TexturePyramid& pyramid, const TextureBinding& binding, float u,
                                      float v) {
   const auto& a = binding.transform;
@@ -98,8 +98,8 @@ inline FilterFootprint BaseFootprint(const TexturePyramid& pyramid, const Textur
   return f;
 }
 
-/// The finer of the two levels between which `lod` lies, and the share of the other one: 0 where there is
-/// one.
+/// The finer of the two levels around `lod`, and the weight of the other level; the weight is 0 where there
+/// is only one level.
 inline void LevelsAt(float lod, uint32_t levels, uint32_t& level, float& share) {
   const auto last = static_cast<float>(static_cast<int32_t>(levels) - 1);
   const float above = lod > 0 ? lod : 0.0f, at = above < last ? above : last, whole = std::floor(at);
@@ -126,8 +126,8 @@ struct TextureLookup {
   glm::vec4 sum{0};
 };
 
-/// Whether a lookup is of the texture's value or of the slope of its first channel: the sum's x and y are
-/// then its derivatives by s and t.
+/// The quantity of a lookup: the texture's value, or the slope of its first channel, with the derivatives by
+/// s and t in the sum's x and y.
 enum class LookupKind { kValue, kSlope };
 
 /// Linear values of the codes of a byte.
@@ -137,7 +137,7 @@ struct TexelCodes {
 };
 extern const TexelCodes kTexelCodes;
 
-/// Reads texels of one format: colours linear, a grey one in all three; alpha 1 where there is none.
+/// Reads texels of one format: linear colours, grey in all three channels, alpha 1 where there is none.
 template <uint32_t kChannels, bool kHalf>
 struct TexelReader {
   const float* codes;  ///< of colours
@@ -191,7 +191,7 @@ inline bool GoOnWith(const Reader& texel_at, const TexturePyramid& pyramid, cons
       missing = first.page;
       return false;
     }
-    // Mostly all texels lie in the page of the first.
+    // Usually all texels lie in the page of the first.
     for (; n < 4; ++n, ++lookup.texels) {
       const TexelPlace place = PlaceOf(pyramid, f.level, f.x[n & 1], f.y[n >> 1]);
       if (place.page != first.page) break;
@@ -201,8 +201,8 @@ inline bool GoOnWith(const Reader& texel_at, const TexturePyramid& pyramid, cons
   return true;
 }
 
-/// Adds texels to `lookup` until all are there, or one lies in a page that is missing. `find(BlockKey)` gives
-/// the texels of a page, or null. Returns: whether all are there; else `missing` is the page.
+/// Adds texels to `lookup` until it is complete, or until a texel's page is missing. `find(BlockKey)` gives
+/// the texels of a page, or null. Returns: whether it is complete; else `missing` is the page.
 template <LookupKind kKind, class Find>
 inline bool GoOnLookup(const TexturePyramid& pyramid, const FilterFootprint& footprint, Find&& find,
                        TextureLookup& lookup, BlockKey& missing) {

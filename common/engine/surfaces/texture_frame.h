@@ -11,12 +11,12 @@
 #include "common/math/elementary.h"
 #include "common/scene/material.h"
 
-// How textures lie on triangles: the derivatives that filters and relief need. Pure functions, thread-safe.
+// The position of textures on triangles: derivatives for filters and relief. Pure functions, thread-safe.
 // They select instead of branching, so that loops over lanes become vector instructions (texture_packet.h).
 
 namespace quarry {
 
-/// Derivatives of the position by uv along a triangle, and the area that filters need.
+/// Derivatives of the position by uv along a triangle, and the ratio of areas for filters.
 struct TextureFrame {
   glm::vec3 by_u{0}, by_v{0};  ///< zeros where uv does not vary in two directions
   float uv_area = 0;           ///< area of uv over area of the triangle; 1 over squared scene units
@@ -55,13 +55,13 @@ inline float LodOf(float uv_area, float width, float cosine) {
   return static_cast<float>(Log2(static_cast<double>(uv_area) * across * across) / 2);
 }
 
-/// A bump map's full range rises by so many of its texels, times its strength.
+/// Height of a bump map's full range in texels of the map, times its strength.
 inline constexpr float kBumpTexels = 8;
-/// A mapped normal that would face away from the viewer is turned toward the viewer, until the cosine of the
-/// two is about this.
+/// A mapped normal that would face away from the viewer is turned until its cosine toward the viewer is about
+/// this.
 inline constexpr float kLeastFacing = 0.02f;
 
-/// The two directions of a use's image on a surface: along s and, since t runs down, against t. Of any
+/// The two axes of an image on a surface: along s, and against t, because t runs down. Of any
 /// length.
 inline void ImageAxes(const TextureBinding& binding, const glm::vec3& by_u, const glm::vec3& by_v,
                       glm::vec3& right, glm::vec3& up) {
@@ -72,7 +72,7 @@ inline void ImageAxes(const TextureBinding& binding, const glm::vec3& by_u, cons
 }
 
 /// The normal at `relief`, a direction in the space of the image's axes and the surface's normal on its outer
-/// side. The surface keeps its normal where the image has no axes, or `relief` is no direction.
+/// side. The surface keeps its normal where the image has no axes, or where `relief` has no length.
 inline glm::vec3 MappedNormal(const glm::vec3& relief, const glm::vec3& right, const glm::vec3& up,
                               const Surface& s) {
   const glm::vec3 outside = Choose(s.entering, s.normal, -s.normal);

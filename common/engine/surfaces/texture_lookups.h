@@ -8,16 +8,16 @@
 
 namespace quarry {
 
-/// The samples of a packet as far as textures concern them, one array per field. Tiles of scenes without
+/// The texture lookups of a packet's samples, one array per field. Tiles of scenes without
 /// textures have none. Memory: 6,592 bytes.
 struct TextureLookups {
   static constexpr int kLanes = RayPacket::kRays;
-  uint64_t looked_up;  ///< lanes whose surface has all that its textures say
-  // The cone of a ray that is under way, or that has hit. Source: Akenine-Moeller et al. 2021, ray cones.
+  uint64_t looked_up;  ///< lanes whose lookups are all complete
+  // The cone of a pending ray, or of a ray that has hit. Source: Akenine-Moeller et al. 2021, ray cones.
   float cone_width[kLanes];   ///< at the ray's origin, then at its hit; scene units
   float cone_spread[kLanes];  ///< growth of the width with the distance
   // Of the surface that was hit.
-  Vectors by_u, by_v;     ///< see TextureFrame; until the attributes have come the triangle's edges
+  Vectors by_u, by_v;     ///< see TextureFrame; the triangle's edges until the attributes are there
   float lod[kLanes];      ///< see LodOf()
   float bending[kLanes];  ///< curvature of the surface, positive where it bulges outward; 1 over scene units
   Vectors base, specular, emission;
@@ -30,7 +30,7 @@ struct TextureLookups {
   TextureValues ValuesOf(int i) const {
     return {base[i], specular[i], emission[i], roughness[i], metalness[i]};
   }
-  /// Puts the value of a complete lookup: colours at least 0, and at most 1 but for emission.
+  /// Stores the value of a complete lookup: colours at least 0, and, except emission, at most 1.
   void Put(int i, const SurfaceTexture& of, const glm::vec4& texels_sum) {
     const auto within = [](float value, float most) { return value > 0 ? std::min(value, most) : 0.0f; };
     const auto color = [&](const glm::vec4& v, float most) {

@@ -7,8 +7,8 @@
 #include "common/engine/surfaces/texture_filter.h"
 #include "common/engine/surfaces/texture_lookups.h"
 
-// The functions of texture_frame.h and texture_filter.h for all samples of a packet, in loops over lanes that
-// become vector instructions, with the same bits. Bit i of `lanes` selects lane i; other lanes are not
+// The functions of texture_frame.h and texture_filter.h for all samples of a packet, with the same bits:
+// loops over lanes that become vector instructions. Bit i of `lanes` selects lane i; other lanes are not
 // changed. Thread-safe.
 
 namespace quarry {
@@ -46,7 +46,7 @@ void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],
                     const float (&lod)[RayPacket::kRays], uint64_t lanes, FootprintPacket& footprints);
 
-/// Places and values of the texels of lookups: of lookups of 8-bit texels whose pages are all at hand.
+/// Places and values of texels, for lookups of 8-bit texels whose pages are all in memory.
 struct TexelPacket {
   static constexpr uint32_t kMost = 8;     ///< texels of a lookup
   uint32_t page[kMost][RayPacket::kRays];  ///< as BlockKey::Page() counts pages
@@ -56,7 +56,8 @@ struct TexelPacket {
 /// Sets `page` and `index`.
 void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, uint64_t lanes,
                  TexelPacket& texels);
-/// The channels of a texel of 8 bits a channel, from the lowest byte on. `page_bytes`: of the whole page.
+/// The channels of a texel of 8 bits a channel, from the lowest byte on. `page_bytes`: the bytes of the whole
+/// page.
 inline uint32_t CodesAt(const std::byte* page, size_t page_bytes, uint32_t index, uint32_t channels) {
   const size_t at = size_t{channels} * index;
   uint32_t codes = 0;
@@ -66,7 +67,7 @@ inline uint32_t CodesAt(const std::byte* page, size_t page_bytes, uint32_t index
     std::memcpy(&codes, page + at, channels);
   return codes;
 }
-/// Sums whole lookups up, with the bits of GoOnLookup(). Requires: texels of 8 bits a channel; `codes` are
+/// Sums complete lookups, to the same bits as GoOnLookup(). Requires: texels of 8 bits a channel; `codes` are
 /// set.
 void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
                LookupKind kind, uint64_t lanes, TextureLookups& lookups);
@@ -75,12 +76,12 @@ void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints,
 void BeginTextureFrames(const TrianglePacket& triangles, const RayPacket& rays, uint64_t lanes,
                         TextureLookups& lookups);
 
-/// Makes frame, level of detail and curvature of the triangles that were hit, from their edges and
+/// Computes frame, level of detail and curvature of the triangles that were hit, from their edges and
 /// attributes.
 void MakeTextureFrames(const AttributePacket& attributes, const SurfacePacket& surfaces, uint64_t lanes,
                        TextureLookups& lookups);
 
-/// Sets the normals that complete lookups of a normal or bump map give.
+/// Sets the normals from complete lookups of a normal or bump map.
 void MapNormals(const SurfaceTexture& texture, const TexturePyramid& pyramid, const TextureLookups& lookups,
                 uint64_t lanes, SurfacePacket& surfaces);
 
