@@ -5,7 +5,7 @@ import { bytes, compact, duration, element, percent, shown } from './formats.js'
 import { Plot, SPAN_S } from './plots.js';
 
 const $ = (id) => document.getElementById(id);
-/// How long a worker is called new, and one that has left is still listed, s.
+/// Seconds for which a worker is marked as new, and for which a worker that has left stays listed.
 const NEWS_S = 20;
 
 const PLOTS = [
@@ -33,7 +33,7 @@ export class Activity {
     this.draw();
   }
 
-  /// Forgets the workers, as another master has others.
+  /// Forgets the workers of the earlier master.
   restart() { this.isFirst = true; }
 
   /// Takes the server's statistics.

@@ -7,7 +7,7 @@
 
 import { add, along, cross, distance, dot, length, mix, scale, subtract, unit } from './vectors.js';
 
-/// Steepest look for which the scene's up axis is still the camera's up vector; beyond it, the heading is. Radians.
+/// Steepest look with the scene's up axis as the camera's up vector; beyond it, the heading is the up vector. Radians.
 const STEEP = 89 * Math.PI / 180;
 const POLE = Math.PI / 2;
 
@@ -37,7 +37,7 @@ export function rayOf(camera, size, x, y) {
     : { origin: camera.eye, direction: unit(add(forward, across)) };
 }
 
-/// How far ahead of the eye a point lies, along the direction of view.
+/// The distance of a point ahead of the eye, along the direction of view.
 export function depthOf(camera, point) {
   return dot(subtract(point, camera.eye), unit(subtract(camera.at, camera.eye)));
 }
@@ -48,7 +48,7 @@ export function pointAt(camera, size, x, y, depth) {
   return along(ray.origin, ray.direction, depth / dot(ray.direction, unit(subtract(camera.at, camera.eye))));
 }
 
-/// Where a point is seen: {x, y, depth}, or null when it lies behind a perspective camera.
+/// A point's place in the picture: {x, y, depth}, or null when it lies behind a perspective camera.
 export function project(camera, size, point) {
   const { right, up, forward } = axes(camera);
   const offset = subtract(point, camera.eye);
@@ -58,7 +58,7 @@ export function project(camera, size, point) {
   return { x: size[0] / 2 + dot(offset, right) / pixel, y: size[1] / 2 - dot(offset, up) / pixel, depth };
 }
 
-/// The direction of view as a turntable has it: {heading, pitch}, radians. A camera that looks along the scene's up
+/// The direction of view as a turntable's {heading, pitch}, radians. A camera that looks along the scene's up
 /// axis takes its heading from its right vector.
 export function turntable(camera, upAxis) {
   const up = upVector(upAxis);
@@ -89,8 +89,8 @@ export function uprightAxes(heading, pitch, upAxis) {
 
 const clampPitch = (pitch) => Math.min(POLE, Math.max(-POLE, pitch));
 
-/// Turns the camera around `pivot`, which stays where it is seen. `yaw` turns about the scene's up axis, `pitch` about
-/// the camera's right; the look stops at the poles. The result is upright. Radians.
+/// Turns the camera around `pivot`, which keeps its place in the picture. `yaw` turns about the scene's up axis,
+/// `pitch` about the camera's right; the look stops at the poles. The result is upright. Radians.
 export function orbit(camera, pivot, yaw, pitch, upAxis) {
   const before = axes(camera);
   const look = turntable(camera, upAxis);
@@ -109,13 +109,13 @@ export function moved(camera, by) {
   return { ...camera, eye: add(camera.eye, by), at: add(camera.at, by) };
 }
 
-/// Moves the camera across its picture so that `point` is seen at a pixel position. Requires: the point lies ahead.
+/// Moves the camera across its picture so that `point` appears at a pixel position. Requires: the point lies ahead.
 export function pan(camera, size, point, x, y) {
   return moved(camera, subtract(point, pointAt(camera, size, x, y, depthOf(camera, point))));
 }
 
-/// Takes the camera nearer to `point` (factor below 1) or farther; the point stays where it is seen. An orthographic
-/// picture gets smaller or larger instead.
+/// Moves the camera nearer to `point` (factor below 1) or farther; the point keeps its place in the picture. An
+/// orthographic camera changes its height instead.
 export function dolly(camera, size, point, factor) {
   if (isOrthographic(camera)) {
     const seen = project(camera, size, point);
@@ -147,7 +147,7 @@ export function toPerspective(camera, depth) {
   return { ...rest, eye, at: along(eye, forward, away) };
 }
 
-/// Makes `point` the one at the picture's centre, at the same distance.
+/// Centres `point` in the picture, at the same distance.
 export function centred(camera, size, point) {
   const there = depthOf(camera, point) > 0 ? pan(camera, size, point, size[0] / 2, size[1] / 2) : camera;
   return { ...there, at: along(there.eye, unit(subtract(point, there.eye)), distance(point, there.eye)) };
@@ -158,7 +158,7 @@ export function opposite(camera) {
   return { ...camera, eye: camera.eye.map((x, i) => 2 * camera.at[i] - x) };
 }
 
-/// A camera made for pictures of 4:3, taken back so that a narrower picture shows as much.
+/// A camera for pictures of 4:3, moved back so that a narrower picture shows as much.
 export function fitAspect(camera, size) {
   const factor = Math.max(1, (4 / 3) * size[1] / size[0]);
   if (factor === 1) return camera;
@@ -185,7 +185,7 @@ export function frameBox(camera, size, lower, upper) {
     return { ...camera, ortho, eye: along(middle, own.forward, -diagonal), at: middle };
   }
   const tangent = tangentOf(camera) * free;
-  // The least distance from the middle at which every corner lies inside the four planes through the edges.
+  // The least distance from the middle at which every corner lies inside the four planes through the picture's edges.
   const away = Math.max(...points.map((p) => {
     const offset = subtract(p, middle);
     const aside = Math.max(Math.abs(dot(offset, own.right)) / aspect, Math.abs(dot(offset, own.up)));
@@ -194,7 +194,7 @@ export function frameBox(camera, size, lower, upper) {
   return { ...camera, eye: along(middle, own.forward, -away), at: middle };
 }
 
-/// An orthographic camera outside a box, moved back until the whole box lies ahead of it; it shows the same, and
+/// An orthographic camera outside a box, moved back until the whole box lies ahead of it; its picture is the same, and
 /// nothing is cut off. Inside the box it stays: its plane then cuts the model.
 export function aheadOfBox(camera, lower, upper) {
   const isInside = camera.eye.every((x, i) => x >= lower[i] && x <= upper[i]);

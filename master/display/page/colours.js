@@ -8,7 +8,7 @@ export function workerColour(id, opacity = 1) {
 const toLinear = (s) => (s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4);
 const toStandard = (l) => (l <= 0.0031308 ? l * 12.92 : 1.055 * l ** (1 / 2.4) - 0.055);
 
-/// "#rrggbb" that a radiance has in a picture of this exposure (EV).
+/// The colour "#rrggbb" of a radiance in a picture of this exposure (EV).
 export function radianceToHex(radiance, exposure) {
   return '#' + radiance.map((l) => {
     const byte = Math.round(255 * Math.min(1, Math.max(0, toStandard(l * 2 ** exposure))));
@@ -16,7 +16,7 @@ export function radianceToHex(radiance, exposure) {
   }).join('');
 }
 
-/// The radiance that looks like "#rrggbb" in a picture of this exposure (EV).
+/// The radiance of the colour "#rrggbb" in a picture of this exposure (EV).
 export function hexToRadiance(hex, exposure) {
   return [1, 3, 5].map((i) => Number((toLinear(parseInt(hex.slice(i, i + 2), 16) / 255) / 2 ** exposure).toPrecision(5)));
 }

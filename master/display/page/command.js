@@ -1,14 +1,15 @@
 // The command line that renders a view. No DOM.
 
-/// A word of a POSIX shell that stands for `text`.
+/// `text` as one quoted word for a POSIX shell.
 export function quoted(text) {
   return /^[A-Za-z0-9_\/.,:=@%+-]+$/.test(text) ? text : `'${text.replaceAll("'", "'\\''")}'`;
 }
 
-/// The part of a view that options express; where anything else differs from the default, the whole view is told, in a file.
+/// The members of a view that options can express. If any other member differs from the default, the command has the
+/// whole view in a file.
 const TOLD = ['camera', 'size', 'mode', 'spp', 'exposure'];
 
-/// `scene.store`: where the master has the scene. `defaults`: the server's default view. `view`: with all members.
+/// `scene.store`: the scene's place for the master. `defaults`: the server's default view. `view`: with all members.
 /// `output`: the picture's name, with ".png". Returns one line for a shell.
 export function command(scene, defaults, view, output) {
   // A word that begins with a dash would be an option.

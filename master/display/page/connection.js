@@ -6,7 +6,7 @@ const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
 /// A server that does not answer for this long is given up. Its welcome may take longer: it waits for the scene.
 const ANSWER_MS = 10000;
-/// The server tells its statistics each second. One that says nothing for this long has gone without a word.
+/// The server sends its statistics each second. After this much silence the connection is lost.
 const SILENCE_MS = 8000;
 const PROTOCOL = 1;
 const NO_WEB_SOCKETS = 'The server answers, but no live connection reaches it: a proxy or filter in between blocks WebSockets. '
@@ -24,16 +24,16 @@ export class Connection {
     this.pause = FIRST_PAUSE_MS;
     this.timer = 0;
     this.isDenied = false;
-    this.word = '';  // names the try, for the question why it was refused
+    this.word = '';  // names the try, to ask why it was refused
     this.heard = 0;
     setInterval(() => this.isOpen && performance.now() - this.heard > SILENCE_MS && this.lose(), 1000);
     addEventListener('online', () => this.hurry());
     document.addEventListener('visibilitychange', () => document.hidden || this.hurry());
-    // Another tab may have been opened with the token meanwhile.
+    // Another tab may have opened the page with the token meanwhile.
     document.addEventListener('visibilitychange', () => !document.hidden && this.isDenied && this.retry());
   }
 
-  /// Connects at once, whatever has been before.
+  /// Connects at once, whatever the state.
   retry() {
     clearTimeout(this.timer);
     this.drop();
@@ -106,7 +106,7 @@ export class Connection {
     this.on.welcome(message);
   }
 
-  /// Leaves the socket without another try.
+  /// Drops the socket without another try.
   drop() {
     const socket = this.socket;
     this.socket = null;
@@ -119,7 +119,7 @@ export class Connection {
     this.on.state(state, sentence);
   }
 
-  /// The connection has ended without a reason given: asks by HTTP for one, and tries again after a pause.
+  /// The connection has ended without a reason: asks for one by HTTP, and tries again after a pause.
   async lose() {
     const wasOpen = this.isOpen;
     this.drop();
@@ -135,7 +135,8 @@ export class Connection {
   }
 }
 
-/// Why the server refuses a WebSocket, which scripts are not told: {state, sentence}, or null while the server is away.
+/// The reason of a refused WebSocket, which browsers hide from scripts: {state, sentence}, or null while the server is
+/// away.
 async function askForReason(word) {
   try {
     const answer = await fetch(new URL('./', document.baseURI), { cache: 'no-store' });

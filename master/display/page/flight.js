@@ -2,16 +2,16 @@
 
 import * as cameras from './camera.js';
 
-/// The keys that move, by place on the keyboard: how far to the right, up and forward.
+/// The keys that move, by their place on the keyboard: steps to the right, up and forward.
 const MOVES = {
   KeyW: [0, 0, 1], KeyS: [0, 0, -1], KeyA: [-1, 0, 0], KeyD: [1, 0, 0], KeyE: [0, 1, 0], KeyQ: [0, -1, 0],
 };
 const SHARE_PER_S = 0.5;  // of the distance ahead, flown in a second
 const SLOWEST = 1e-4, FASTEST = 1;  // sizes of the scene a second
 const SHIFT = 4;
-const SMOOTHING_S = 0.4;  // time in which the speed comes two thirds of the way to a new one
+const SMOOTHING_S = 0.4;  // time in which the speed covers two thirds of a change
 const LOOK_AHEAD_MS = 250;  // between two looks at the distance ahead
-const MOST_STEP_S = 0.1;  // a late animation frame is no leap
+const MOST_STEP_S = 0.1;  // a late animation frame does not leap
 
 export class Flight {
   /// `onChange()` runs when flight begins, ends, or its factor changes.
@@ -99,7 +99,7 @@ export class Flight {
     this.ticking = requestAnimationFrame((next) => this.tick(next));
   }
 
-  /// Asks a few times a second how far away the middle of the picture is.
+  /// Asks a few times a second for the distance at the middle of the picture.
   async lookAhead(now) {
     if (now - this.lookedAt < LOOK_AHEAD_MS) return;
     this.lookedAt = now;

@@ -21,7 +21,7 @@ export const percent = (share) => (Number.isFinite(share) ? `${(share * 100).toF
 export const milliseconds = (ms) => (Number.isFinite(ms) ? `${ms < 10 ? ms.toFixed(1) : Math.round(ms)} ms` : '–');
 export const coordinate = (x) => String(Number(x.toPrecision(7)));
 
-/// A foreign name as it may be shown: without control codes, and without marks that turn the direction of other text.
+/// A foreign name, safe to show: without control codes, and without marks that change the direction of other text.
 export const shown = (name) => String(name).replace(/[\u0000-\u001f\u007f-\u009f\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]/g, '\ufffd');
 
 export function duration(seconds) {
@@ -49,7 +49,7 @@ export async function copyText(text) {
     await navigator.clipboard.writeText(text);
     return true;
   } catch {
-    // The clipboard is for secure pages only; a selection works everywhere.
+    // Only secure pages may use the clipboard; a selection works everywhere.
     const field = element('textarea', { value: text, className: 'offscreen' });
     document.body.append(field);
     field.select();

@@ -1,9 +1,9 @@
-// Frames as they travel: a JSON header and the images of stripes (PROTOCOL.md, "frames"). No DOM.
+// Frames as they are sent: a JSON header and the images of stripes (PROTOCOL.md, "frames"). No DOM.
 
-/// A message that is no frame.
+/// A message that is not a frame.
 export class FrameError extends Error {}
 
-/// Longest header that is believed, bytes: the owners of a picture of 64 million pixels in tiles take less.
+/// Limit of a header in bytes: the owners of all tiles of 64 million pixels take less.
 const MOST_HEADER_BYTES = 16 << 20;
 
 /// Splits a message: {header, images}; images[i] is the Uint8Array of header.stripes[i], inside `buffer`.
@@ -31,7 +31,7 @@ export function parseFrame(buffer) {
 
 const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : many}`;
 
-/// A frame's state, in words for people; `isNewest`: it is of the view that was sent last; `isMoving`: more follow.
+/// A frame's state, in words for people; `isNewest`: it shows the view that was sent last; `isMoving`: more follow.
 /// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
 export function describe(header, isNewest, isMoving) {
   if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is being rendered', kind: 'moving' };

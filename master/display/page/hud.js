@@ -6,7 +6,7 @@ import { bytes, compact, fillList, milliseconds, shown } from './formats.js';
 const $ = (id) => document.getElementById(id);
 /// Time between two updates of the rates; faster ones cannot be read.
 const RATES_MS = 250;
-/// A state that lasts for this long is told to screen readers: a picture in motion has many.
+/// A state that lasts this long is announced to screen readers: a picture in motion changes often.
 const SPOKEN_MS = 700;
 
 const CONNECTIONS = {
@@ -33,12 +33,12 @@ export class Hud {
     this.show();
   }
 
-  /// Whether the frame on the screen is of the newest view.
+  /// Whether the frame on the screen shows the newest view.
   get isNewest() {
     return this.live.isSent && this.picture.header?.input === this.live.input;
   }
 
-  /// Takes notice of a drawn frame.
+  /// Handles a drawn frame.
   drawn(header) {
     if (header.input !== this.times?.input) {
       const { input, queue_ms: queue, trace_ms: trace, encode_ms: encode } = header;
@@ -57,7 +57,7 @@ export class Hud {
     this.speak(!isOpen ? said.text : said.kind === 'exact' ? 'The picture is exact.' : 'The picture is changing.');
   }
 
-  /// Tells screen readers the state once it lasts, and each only once.
+  /// Gives screen readers each lasting state once.
   speak(sentence) {
     if (sentence === this.sentence) return;
     this.sentence = sentence;

@@ -19,7 +19,7 @@ export class Pointers {
     listen('dblclick', (event) => this.flight.isOn || this.on.doubleClick(...this.pixelOf(event)));
     stage.addEventListener('wheel', (event) => this.wheel(event), { passive: false });
     stage.addEventListener('contextmenu', (event) => event.preventDefault());
-    // A middle click would scroll, or paste and follow a link.
+    // Otherwise a middle click would scroll, or paste and follow a link.
     stage.addEventListener('auxclick', (event) => event.preventDefault());
     addEventListener('blur', () => this.letGo());
     document.addEventListener('visibilitychange', () => document.hidden && this.letGo());
@@ -44,7 +44,7 @@ export class Pointers {
     this.beginDrag(event.button, event.shiftKey);
   }
 
-  /// Begins the gesture that the pointers now make.
+  /// Begins the gesture of the present pointers.
   beginDrag(button, isShift) {
     if (this.pointers.size >= 2) return this.beginPinch();
     const [{ x, y }] = this.pointers.values();
@@ -97,7 +97,7 @@ export class Pointers {
 
   click(event) {
     if (!this.flight.isOn) return this.on.click(...this.pixelOf(event), event);
-    // Browsers refuse it just after Escape; dragging looks around all the same.
+    // Browsers refuse it just after Escape; a drag still looks around.
     if (event.pointerType === 'mouse') this.stage.requestPointerLock?.()?.catch?.(() => {});
   }
 

@@ -1,4 +1,4 @@
-// Keys: each does one thing, and all are let go when the window loses the focus.
+// Keys: each does one thing, and all are released when the window loses the focus.
 
 const STEP = Math.PI / 45;  // of an arrow key, 4 degrees
 const NEARER = 0.9;  // of a + key
@@ -8,12 +8,12 @@ const PAD_VIEWS = { Numpad1: ['front', 'back'], Numpad3: ['right', 'left'], Nump
 
 const isTyping = ({ target }) => target instanceof HTMLElement
   && (target.isContentEditable || target.matches('textarea, select, input:not([type=checkbox]):not([type=radio]):not([type=range])'));
-/// Keys with which a control that has the focus is operated.
+/// Whether a key operates the focused control.
 const isOperating = ({ target, key }) => target instanceof HTMLElement
   && (target.matches('input[type=range], input[type=radio]') ? /^(Arrow|Home|End|Page)/.test(key)
     : target.matches('button, a, summary, input') && (key === 'Enter' || key === ' '));
 
-/// The action of a key of the number pad, whether it locks numbers or not.
+/// The action of a key of the number pad, with or without Num Lock.
 function padAction({ code, ctrlKey }, navigation, on) {
   const [view, opposite] = PAD_VIEWS[code] ?? [];
   if (view) return () => on.showView(ctrlKey ? opposite : view);
@@ -25,7 +25,8 @@ function padAction({ code, ctrlKey }, navigation, on) {
   return ctrlKey ? undefined : others[code];
 }
 
-/// `on`: showView(NAME), home(), frame(), projection(), help(), escape(), panel(), activity(). `views`: names by number.
+/// `on`: showView(NAME), home(), frame(), projection(), help(), escape(), panel(), activity(). `views`: names by
+/// number.
 export function listenToKeys(live, navigation, flight, views, on) {
   const actions = {
     g: () => flight.toggle(), o: on.projection,

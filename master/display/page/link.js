@@ -1,11 +1,11 @@
-// The address bar: the view stands in the URL's fragment, so that a link opens the same view.
+// The address bar: the URL's fragment contains the view, so that a link opens the same view.
 
 import { fromFragment, toFragment } from './view_state.js';
 
 /// Browsers refuse more than about 100 changes of the address in 30 s.
 const WRITE_MS = 400;
 
-/// Takes a token out of the address: the server has exchanged it for a cookie.
+/// Removes a token from the address: the server has exchanged it for a cookie.
 export function removeToken() {
   const address = new URL(location.href);
   if (!address.searchParams.has('token')) return;
@@ -23,7 +23,7 @@ export class Link {
     addEventListener('hashchange', () => this.home && onView(this.read(location.hash)));
   }
 
-  /// The view of a fragment. Members that it does not name are the default's.
+  /// The view of a fragment. Members that it leaves out have the default's values.
   read(fragment) { return fromFragment(fragment, this.home, this.modes); }
 
   /// Writes the view into the address bar soon.
@@ -36,7 +36,7 @@ export class Link {
     }, WRITE_MS);
   }
 
-  /// A link to the view as it is now.
+  /// A link to the present view.
   address() {
     return location.origin + location.pathname + location.search + toFragment(this.live.view, this.home);
   }

@@ -1,12 +1,14 @@
-// The view that is shown: anyone changes it, and it is sent at most once an animation frame. Picks go the same way.
+// The view that is shown: all parts of the page change it, and it is sent at most once an animation frame. Picks are
+// sent in the same way.
 
 import { rounded } from './camera.js';
 import { fromWire, toWire } from './view_state.js';
 
-/// A pick without an answer for this long counts as nothing hit.
+/// A pick without an answer for this long counts as a miss.
 const PICK_MS = 3000;
 
-/// Least time between two views in motion. Screens may have 240 animation frames a second; the server takes 300 messages.
+/// Least time between two views in motion. Screens may have 240 animation frames a second; the server takes 300
+/// messages.
 const LEAST_MS = 6.5;
 
 export class LiveView {
@@ -31,7 +33,7 @@ export class LiveView {
 
   get camera() { return this.view.camera; }
   get size() { return this.view.size; }
-  /// "y" or "z": the scene's, unless the view has been turned.
+  /// "y" or "z": the scene's axis, unless the view has another.
   get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
   /// The lights of the view, where `lights` are the default view's.
   lights(lights) { return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights; }
@@ -64,7 +66,7 @@ export class LiveView {
     return this.flush() ? this.input : null;
   }
 
-  /// Says that something moves until release(), or for `ms`.
+  /// Marks the view as moving until release(), or for `ms`.
   hold(name, ms = 0) {
     clearTimeout(this.holds.get(name));
     this.holds.set(name, ms ? setTimeout(() => this.release(name), ms) : 0);
@@ -95,7 +97,7 @@ export class LiveView {
 
   get isTooSoon() { return this.isMoving && performance.now() - this.sentAt < LEAST_MS; }
 
-  /// Sends the view that an animation frame has made, in this frame and not the next. Requires: the caller comes again
+  /// Sends the view of an animation frame in this frame and not in the next. Requires: the caller comes again
   /// in the next frame, or releases its hold. A scheduled flush would send an older view first, and delay this one.
   flushInFrame() {
     cancelAnimationFrame(this.scheduled);
@@ -103,7 +105,7 @@ export class LiveView {
     if (!this.isTooSoon) this.flush();
   }
 
-  /// Sends the view if it, or its motion, is news. Returns whether the server has the newest view.
+  /// Sends the view if it, or its motion, has changed. Returns whether the server has the newest view.
   flush() {
     if (!this.view || !this.connection.isOpen) return false;
     const view = toWire(this.view), text = JSON.stringify(view), moving = this.isMoving;
@@ -119,16 +121,16 @@ export class LiveView {
     return true;
   }
 
-  /// Sends the view once more, for frames with a setting's additions.
+  /// Sends the view again, for frames by new settings.
   resend() {
     this.sent = '';
     this.schedule();
   }
 
-  /// Whether the server has been sent all that the page shows.
+  /// Whether the server has got everything that the page shows.
   get isSent() { return this.changed === null; }
 
-  /// Starts over on a new connection: nothing has been sent, and open picks are lost.
+  /// Starts again on a new connection: nothing has been sent, and pending picks are lost.
   reconnected() {
     this.sent = '';
     this.wasMoving = false;

@@ -23,7 +23,7 @@ import { fromWire, ownMembers, toWire } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
-/// How long a sentence is shown: time to read it.
+/// Time for which a sentence is shown: enough to read it.
 const TOAST_MS = 2500, LETTER_MS = 45;
 
 removeToken();
@@ -55,7 +55,7 @@ function connectionState(state, text) {
   overlays.setConnection(state, text);
 }
 
-/// Another scene starts with its default view; the same one goes on where it was.
+/// Another scene starts with its default view; the same scene keeps its view.
 function welcome(message) {
   const { scene } = message, isSame = live.scene?.scene_id === scene.scene_id;
   const isFirst = !live.scene;
@@ -86,7 +86,7 @@ function welcome(message) {
   link.write();
 }
 
-/// Puts a whole view in the place of whatever is shown or on its way.
+/// Replaces the shown view, and any motion, by a whole view.
 function replaceView(view) {
   navigation.stopGlide();
   return live.replace(view);
@@ -151,7 +151,7 @@ function showView(name) {
   else showCamera(camera);
 }
 
-/// Flight has a perspective: it ends where the view becomes orthographic.
+/// Flight needs a perspective: it ends when the view becomes orthographic.
 function toggleProjection() {
   if (!live.view) return;
   flight.stop();
@@ -161,7 +161,7 @@ function toggleProjection() {
 const frameAll = () => live.view && navigation.frameAll();
 const goHome = () => live.view && navigation.glideTo(link.home.camera);
 
-/// Opens the one and closes the other where both do not fit.
+/// Opens one drawer and closes the other where both do not fit.
 function setOpen(opened, isOpen) {
   const isNarrow = matchMedia('(max-width: 720px)').matches;
   const drawers = { panel, activity };
@@ -201,7 +201,7 @@ for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListe
 /// The whole view, as `quarry render --view` reads it.
 function wholeView() { return live.view ? { ...defaults, lights: live.lights(defaults.lights), ...toWire(live.view) } : null; }
 
-/// Whether the picture on the screen is the exact one of the newest view.
+/// Whether the picture on the screen is the exact picture of the newest view.
 function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }
 
 /// For tests and for the console: the state of the page, and a way to change the view.
@@ -211,7 +211,8 @@ window.quarry = {
     isExact: isExact(), isFlying: flight.isOn, limits,
   }),
   lastExactPng: () => picture.exactPng,
-  /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could not be sent.
+  /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could
+  /// not be sent.
   setView(view) {
     return replaceView({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
   },

@@ -1,5 +1,5 @@
-// Navigation: turns gestures into moves of the camera. Each gesture asks for the point under the cursor and goes on
-// with a guess until the answer comes.
+// Navigation: turns gestures into moves of the camera. Each gesture asks for the point under the cursor, and uses a
+// guess until the answer arrives.
 
 import * as cameras from './camera.js';
 import { distance } from './vectors.js';
@@ -17,7 +17,7 @@ export class Navigation {
   constructor(live, onPivot) {
     this.live = live;
     this.onPivot = onPivot;
-    this.pivot = null;  // the point that a gesture has been about last
+    this.pivot = null;  // the point of the last gesture
     this.drag = null;
     this.wheel = null;
     this.gliding = 0;
@@ -26,7 +26,7 @@ export class Navigation {
 
   get upAxis() { return this.live.upAxis; }
 
-  /// Forgets everything of the scene before.
+  /// Forgets the earlier scene.
   reset() {
     this.stopGlide();
     this.pivot = this.drag = this.wheel = null;
@@ -43,7 +43,7 @@ export class Navigation {
     this.live.change({ camera: cameras.rounded(cameras.aheadOfBox(camera, lower, upper), size) });
   }
 
-  /// The depth at which things are, as far as is known.
+  /// The best known depth of the scene.
   knownDepth() {
     const { camera } = this.live;
     const depth = this.pivot ? cameras.depthOf(camera, this.pivot) : 0;
@@ -54,7 +54,7 @@ export class Navigation {
     return cameras.pointAt(this.live.camera, this.live.size, x, y, this.knownDepth());
   }
 
-  /// Asks for the point at a pixel; `use(point)` runs if something is seen there. Returns the promise of the hit.
+  /// Asks for the point at a pixel; `use(point)` runs if the ray hits something. Returns the promise of the hit.
   ask(x, y, use) {
     this.lastPick = this.live.pick(x, y);
     this.lastPick.then((hit) => {
@@ -81,8 +81,8 @@ export class Navigation {
     });
   }
 
-  /// Goes on with a drag: the pixel it is at, and how far it has come since the last call in CSS pixels. `factor`:
-  /// of the distance, since the beginning of a pinch.
+  /// Continues a drag: its pixel, and its movement since the last call in CSS pixels. `factor`: the change of distance
+  /// since the beginning of a pinch.
   dragTo(x, y, dx, dy, factor = 1) {
     const { drag } = this;
     if (!drag) return;
@@ -104,7 +104,7 @@ export class Navigation {
     this.move(cameras.look(this.live.camera, dx * turn, -dy * turn, this.upAxis));
   }
 
-  /// Brings the camera of a pan or pinch to where its point is under the cursor; shows the pivot of an orbit.
+  /// Moves the camera of a pan or pinch until its point is under the cursor; shows the pivot of an orbit.
   follow(drag) {
     if (drag.kind === 'orbit') return this.onPivot(drag.point);
     if (drag.kind === 'look') return;
@@ -127,7 +127,7 @@ export class Navigation {
     return Math.min(Math.max(factor, NEAREST * size / away), Math.max(1, FARTHEST * size / away));
   }
 
-  /// Dollies about the point at a pixel by a wheel's way in CSS pixels; away from the user is negative.
+  /// Dollies about the point at a pixel, by a wheel's turn in CSS pixels; away from the user is negative.
   turnWheel(x, y, way) {
     this.stopGlide();
     const now = performance.now();
@@ -155,7 +155,7 @@ export class Navigation {
     this.move(cameras.orbit(this.live.camera, isKnown ? this.pivot : this.live.camera.at, yaw, pitch, this.upAxis));
   }
 
-  /// A key's step nearer to the middle of the picture, or away.
+  /// A key's step toward the middle of the picture, or away from it.
   nudgeNearer(factor) {
     this.stopGlide();
     this.live.hold('key', WHEEL_REST_MS);
@@ -163,7 +163,7 @@ export class Navigation {
     this.dollyAbout(this.guess(size[0] / 2, size[1] / 2), factor);
   }
 
-  /// Moves the camera to another one in a short while.
+  /// Moves to another camera in a short time.
   glideTo(target) {
     this.stopGlide();
     const { lower, upper } = this.live.scene;
@@ -206,7 +206,7 @@ export class Navigation {
     this.put(cameras.isOrthographic(camera) ? cameras.toPerspective(camera, depth) : cameras.toOrthographic(camera, depth));
   }
 
-  /// Brings the point at a pixel to the picture's centre.
+  /// Centres the point at a pixel.
   async centre(x, y) {
     const hit = await this.ask(x, y, () => {});
     if (hit && this.live.view) this.glideTo(cameras.centred(this.live.camera, this.live.size, hit.position));

@@ -1,7 +1,7 @@
-// The sentences over the last picture while there is no newer one, and a button where one helps.
+// Sentences over the last picture while there is no newer one, with a button where it helps.
 
 const $ = (id) => document.getElementById(id);
-/// A state shorter than this is not worth a flicker.
+/// Shorter states are not shown, because they would flicker.
 const PATIENCE_MS = 400;
 
 const PAGES = {
@@ -37,7 +37,7 @@ export class Overlays {
 
   choose() {
     const { state } = this.connection;
-    // A server without workers says so before it can tell of the scene.
+    // A server without workers sends that state before it can describe the scene.
     const isServers = state === 'open' || (state === 'connecting' && this.server.state !== 'ok');
     this.shown = isServers ? this.server : this.connection;
     clearTimeout(this.timer);

@@ -19,7 +19,8 @@ const SETTINGS = [
 ];
 
 export class Panel {
-  /// `app` has live, settings, navigation, flight, picture, share, toggleProjection(), showView(NAME) and showCamera(CAMERA).
+  /// `app` has live, settings, navigation, flight, picture, share, toggleProjection(), showView(NAME) and
+  /// showCamera(CAMERA).
   constructor(app) {
     Object.assign(this, app);
     this.bindCamera();
@@ -53,7 +54,7 @@ export class Panel {
     $('speed').addEventListener('input', ({ target }) => this.flight.faster(2 ** Number(target.value) / this.flight.factor));
   }
 
-  /// Shows the scene with another axis up, from the same named view as at the start.
+  /// Shows the scene with another axis up, from the same named view as the first.
   turnUp(axis) {
     const { live } = this;
     live.change({ up_axis: axis === live.scene.up_axis ? undefined : axis });
@@ -138,7 +139,7 @@ export class Panel {
     $('spp').value = String(spp);
   }
 
-  /// The controls that depend on the picture on the screen too.
+  /// The controls that also depend on the picture on the screen.
   refreshPicture() {
     const { view } = this.live;
     if (!view || !this.isOpen) return;

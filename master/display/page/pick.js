@@ -1,4 +1,4 @@
-// The answer to a click: a card with the facts of the point, and marks that stay at their points in the picture.
+// The answer to a click: a card with the point's facts, and marks that follow their points in the picture.
 
 import { coordinate, copyText, fillList, shown } from './formats.js';
 import { project } from './camera.js';

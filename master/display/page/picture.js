@@ -2,7 +2,7 @@
 
 import { workerColour } from './colours.js';
 
-/// How images are decoded: a canvas gets the bytes of the file.
+/// Options of decoding: the canvas gets exactly the bytes of the file.
 const DECODE = { colorSpaceConversion: 'none', premultiplyAlpha: 'none' };
 const TYPES = { jpeg: 'image/jpeg', png: 'image/png' };
 /// Span over which frames a second are counted, ms.
@@ -34,7 +34,7 @@ export class Picture {
     this.held = [];
   }
 
-  /// Takes a frame. Frames decode side by side and are drawn one after the other.
+  /// Takes a frame. Frames are decoded at the same time, and drawn one after the other.
   take(frame, acknowledge) {
     const generation = this.generation;
     const bitmaps = Promise.all(frame.images.map((image, i) => {
@@ -53,7 +53,7 @@ export class Picture {
     }).catch((error) => console.error(error));
   }
 
-  /// Acknowledges, but not in a hidden tab: the server then saves the work.
+  /// Acknowledges, but not in a hidden tab, so that the server saves the work.
   acknowledge(send) {
     this.held.push(send);
     if (!document.hidden) this.release();
@@ -78,7 +78,7 @@ export class Picture {
   }
 
   /// Draws a stripe, stretched where its image has one pixel for a square of `scale` pixels. The traced pixel is the
-  /// square's first, so that the image is moved by half a square: the border that it leaves free at the end is drawn before.
+  /// square's first, so the image is moved by half a square; the free border at the end is drawn first.
   drawStripe(bitmap, { y, height, scale = 1 }, width) {
     const { context } = this;
     context.imageSmoothingEnabled = scale > 1;
@@ -110,7 +110,7 @@ export class Picture {
     return { frames: recent.length / seconds, bytes: recent.reduce((sum, { bytes }) => sum + bytes, 0) / seconds };
   }
 
-  /// A frame may name the owners of some tiles only; the others stay.
+  /// A frame may name the owners of some tiles only; the others keep theirs.
   drawOwners({ size, owners }) {
     const canvas = this.ownersCanvas;
     if (canvas.width !== size[0] || canvas.height !== size[1]) [canvas.width, canvas.height] = size;

@@ -4,7 +4,7 @@ import { element } from './formats.js';
 
 export const SPAN_S = 60;
 const INK = '#9aa3ad', GRID = '#ffffff1a', LEFT = 'rgb(240 130 110 / 0.7)', JOINED = 'rgb(120 210 150 / 0.7)';
-/// Longest time between two samples that a line joins, s. Statistics come once a second.
+/// Longest time between two samples that a line joins, s. Statistics arrive once a second.
 const GAP_S = 3.5;
 
 /// The next number of 1, 2, 5, 10, ... that is not below `value`.

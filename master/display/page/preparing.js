@@ -1,4 +1,4 @@
-// The page of a model that is still being preprocessed: asks how far it is, and becomes the viewer when it is done.
+// The page of a model that is being preprocessed: shows the progress, and becomes the viewer at the end.
 
 import { removeToken } from './link.js';
 
@@ -26,7 +26,7 @@ function show({ step, done, eta_s: eta, message, failed }) {
   $('numbers').textContent = failed ? '' : [`${Math.floor(done * 100)} %`, remaining(eta ?? NaN)].filter(Boolean).join(', ');
 }
 
-/// Whether another page has taken this one's place: the viewer, or the one that asks for the token.
+/// Whether another page has replaced this one: the viewer, or the page that asks for the token.
 async function isReady() {
   try {
     const health = await ask('healthz');

@@ -8,7 +8,7 @@ const $ = (id) => document.getElementById(id);
 const LOOPBACK = ['localhost', '127.0.0.1', '[::1]'];
 const MOST_SIDE = 65536;
 
-/// A name for a file that any system takes.
+/// A file name that any system accepts.
 const fileName = (name) => shown(name || 'quarry').replace(/[\/\\:*?"<>|\ufffd]+/g, '_').slice(0, 100) || 'quarry';
 
 /// Hands an address to the browser's downloads.
@@ -44,7 +44,7 @@ export class Share {
     this.tell(await copyText(text) ? sentence : 'The browser did not allow copying.');
   }
 
-  /// The things that a colleague needs beside a link to this page.
+  /// Advice for colleagues, beside a link to this page.
   get reach() {
     return LOOPBACK.includes(location.hostname)
       ? ` It names this machine (${location.hostname}); from other machines it opens through ssh -L ${location.port || 80}:localhost:${location.port || 80}.` : '';
@@ -54,7 +54,7 @@ export class Share {
     return this.copy(this.link.address(), `The link is copied. It opens for people with access; others need “Copy link with access”.${this.reach}`);
   }
 
-  /// The link with the token: whoever has it gets in.
+  /// The link with the token: it gives access to anybody.
   async copyAccess() {
     const token = await this.token();
     if (!token) return this.tell('The server did not send the token. Copy the address that “quarry view” printed.');
@@ -74,7 +74,7 @@ export class Share {
 
   get name() { return fileName(this.live.scene.name); }
 
-  /// The size that is asked for, or null with a sentence.
+  /// The size in the fields, or null with a sentence.
   size() {
     const size = ['save-width', 'save-height'].map((id) => Number($(id).value));
     if (size.every((x) => Number.isInteger(x) && x >= 1 && x <= MOST_SIDE)) return size;
@@ -82,7 +82,7 @@ export class Share {
     return null;
   }
 
-  /// The view that is shared, or null: it has the size that is asked for.
+  /// The view to share, with the size in the fields, or null.
   view() {
     const size = this.live.view && this.size();
     return size ? { ...this.wholeView(), size } : null;
@@ -132,7 +132,7 @@ export class Share {
     $('save-bar').value = done;
   }
 
-  /// Takes the server's news of the picture.
+  /// Handles the server's news of the picture.
   take({ save, done, file, error }) {
     if (save !== this.saves || !this.isSaving) return;
     if (error) return this.stop(`The picture cannot be saved: ${error}`);
@@ -141,7 +141,7 @@ export class Share {
     this.stop(`The picture is saved; it took ${milliseconds(performance.now() - this.beganAt)}.`);
   }
 
-  /// A picture that was under way is lost with its connection.
+  /// A pending picture is lost with its connection.
   connectionLost() {
     if (this.isSaving) this.stop('The connection was lost before the picture was saved. Save it again.');
   }

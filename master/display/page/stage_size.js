@@ -1,8 +1,9 @@
-// The size of the view in pixels: that of the stage in device pixels, by the resolution chosen and the server's limits.
+// The size of the view in pixels: the stage's in device pixels, times the chosen resolution, within the server's
+// limits.
 
 import { limitedSize } from './view_state.js';
 
-/// A window that is being dragged to another size asks for a picture when it has been still this long.
+/// A window that is being resized requests a picture after this pause.
 const STILL_MS = 100;
 
 export class StageSize {
@@ -31,7 +32,7 @@ export class StageSize {
   size() {
     const css = [this.stage.clientWidth, this.stage.clientHeight];
     const byRatio = css.map((x) => x * devicePixelRatio);
-    // Where the browser plays another screen, its boxes are of the real one.
+    // Where the browser emulates another screen, its boxes are those of the real screen.
     const fits = this.device?.every((x, i) => Math.abs(x - byRatio[i]) < 2);
     return limitedSize(fits ? this.device : byRatio, this.share, this.limits);
   }

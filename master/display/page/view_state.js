@@ -1,20 +1,21 @@
 // Views as data: their form in messages and in the URL's fragment. No DOM.
 //
-// In the page a view's camera has `fov` always, and `ortho` beside it while it is orthographic. On the wire it has one.
-// A fragment names the members that differ from the default: #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
+// In the page a view's camera always has `fov`, and also `ortho` while it is orthographic. In messages it has one of
+// them. A fragment names the members that differ from the default:
+// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
 
 import { cross, distance, length, subtract } from './vectors.js';
 
 const DEFAULT_FOV = 45;
 const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
-/// The part of the server's default view that the page itself shows and sends. Lights and the like stay the server's: a member
-/// that is missing has its value there, and a scene's lights could be longer than a message.
+/// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
+/// uses its own values for missing members, and a scene's lights could be longer than a message.
 export function ownMembers({ mode, spp, exposure, background, up_axis }) {
   return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis }).filter(([, value]) => value !== undefined));
 }
 
-/// The page's form of a camera from the wire.
+/// The page's form of a camera from a message.
 export function fromWire(camera) {
   return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
 }
@@ -25,7 +26,7 @@ export function toWire(view) {
   return { ...view, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };
 }
 
-/// Whether a camera sees something.
+/// Whether a camera is valid.
 export function isSane(camera) {
   const isPoint = (p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite);
   if (![camera.eye, camera.at, camera.up].every(isPoint) || !(distance(camera.eye, camera.at) > 0)) return false;
@@ -38,7 +39,8 @@ function numbers(text, count, least = -Infinity) {
   return list.length === count && list.every((x) => Number.isFinite(x) && x >= least) ? list : null;
 }
 
-/// Reads a fragment onto the default view. A wrong member of a fragment is left at the default. `modes`: names of the server's modes.
+/// Applies a fragment to the default view. Invalid members of a fragment are ignored. `modes`: names of the server's
+/// modes.
 export function fromFragment(fragment, defaults, modes) {
   const given = new URLSearchParams(fragment.replace(/^#/, ''));
   const view = { ...defaults };
@@ -67,7 +69,7 @@ export function toFragment(view, defaults) {
     if (String(value) !== String(standard)) parts.push(`${name}=${encodeURIComponent(value).replaceAll('%2C', ',')}`);
   };
   const { camera } = view, home = defaults.camera;
-  // A place is one thing: a link holds all of it, so that another default cannot change a part.
+  // A link holds the whole camera, so that another default cannot change a part of it.
   if (['eye', 'at', 'up'].some((name) => String(camera[name]) !== String(home[name]))) {
     for (const name of ['eye', 'at', 'up']) put(name, camera[name], '');
   }
