@@ -1,5 +1,5 @@
 # Runs when packing. dpkg-shlibdeps names the packages of the libraries that the programs link. The helpers that read images and rare formats
-# link hundreds (OpenImageIO's); these are recommended, so that `apt install` brings them and machines that only render can do without.
+# link hundreds (OpenImageIO's); these are recommended, so that `apt install` brings them, and machines that only render need not have them.
 function(shared_libraries depends recommends programs helpers)
   set(folder ${CPACK_QUARRY_BUILD}/shlibdeps)
   file(MAKE_DIRECTORY ${folder}/debian)

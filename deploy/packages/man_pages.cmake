@@ -1,11 +1,11 @@
-# Man pages, which help2man makes of each --help. Without help2man there are none.
+# Man pages, made by help2man from each --help. Without help2man there are none.
 find_program(HELP2MAN help2man)
 if(NOT HELP2MAN)
   message(STATUS "help2man not found: man pages are not made; deploy/install installs it")
   return()
 endif()
 set(MAN_DIR ${CMAKE_BINARY_DIR}/man)
-# The date in the pages is that of the sources, where they tell it: the same sources give the same pages.
+# The date in the pages is that of the sources, where it is known: the same sources give the same pages.
 set(MAN_EPOCH "")
 if(QUARRY_REVISION)
   execute_process(COMMAND ${GIT_EXECUTABLE} -C ${CMAKE_SOURCE_DIR} log -1 --format=%ct OUTPUT_VARIABLE MAN_EPOCH OUTPUT_STRIP_TRAILING_WHITESPACE)
@@ -37,7 +37,7 @@ add_man_page(quarry-preprocess quarry-preprocess "" "cut models into a scene sto
 add_man_page(quarry-scene quarry-scene "" "write procedural scenes of any size")
 
 get_property(MAN_PAGES DIRECTORY PROPERTY MAN_PAGES)
-# Programs of sanitizers and fuzzers are for tests: their pages would only take time.
+# Builds for sanitizers and fuzzers need no pages.
 if(NOT QUARRY_SANITIZE AND NOT QUARRY_FUZZ)
   add_custom_target(man ALL DEPENDS ${MAN_PAGES})
   install(FILES ${MAN_PAGES} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT programs)

@@ -1,5 +1,4 @@
-# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry holds all that running needs, quarry-cad the
-# reader of STEP and IGES with its large library, quarry-bench the benchmarks, where these are built (with the tests).
+# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry has the programs, quarry-cad the reader of STEP and IGES with its large library, quarry-bench the benchmarks, if they are built (with the tests).
 # The packages' maintainer is the person named by DEBFULLNAME and DEBEMAIL, as for Debian's own tools.
 set(packer "Quarry maintainers <maintainers@localhost>")
 if(DEFINED ENV{DEBFULLNAME} AND DEFINED ENV{DEBEMAIL})
@@ -57,7 +56,7 @@ set(CPACK_QUARRY_BUILD ${CMAKE_BINARY_DIR})
 set(CPACK_QUARRY_BIN ${CMAKE_RUNTIME_OUTPUT_DIRECTORY})
 
 set(CPACK_DEBIAN_QUARRY_PACKAGE_NAME quarry)
-# Summaries stand in the descriptions.
+# The summaries are in the descriptions.
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")
 set(CPACK_DEBIAN_QUARRY_DESCRIPTION "out-of-core ray tracing of triangle models, on one machine or many
 Quarry ray-traces triangle models that are larger than the memory of any

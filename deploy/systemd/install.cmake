@@ -1,5 +1,4 @@
-# Installs units and their environment files; cmake --install runs it. An installation in /usr has its settings in /etc, one elsewhere in etc
-# of its prefix. Settings that are there already are a person's: they stay.
+# Installs units and their environment files; cmake --install runs it. An installation in /usr has its settings in /etc, any other in its prefix's etc. Existing settings are kept: a person may have changed them.
 if(CMAKE_INSTALL_PREFIX STREQUAL "/usr")
   set(SETTINGS /etc/quarry)
 else()
