@@ -202,7 +202,7 @@ Status Server::OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
   }
   if (WorkerRecord* worker = role == Role::kWorker ? registry_.Find(c.get()) : nullptr)
     return OnWorkerMessage(*worker, m);
-  return Fail(fmt::format("a message of type {} does not belong here", static_cast<int>(m.type)));
+  return Fail(fmt::format("a message of type {} is not allowed here", static_cast<int>(m.type)));
 }
 
 /// `dropped`: by this master. A client that has its pictures and goes, and a reader of voxels, end well.

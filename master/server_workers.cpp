@@ -43,7 +43,7 @@ Status Server::OnWorkerMessage(WorkerRecord& worker, const Message& m) {
   if (m.type == MessageType::kWorkerStatus) return OnWorkerStatus(worker, m);
   if (m.type == MessageType::kLeave) return OnWorkerLeaves(worker, m);
   if (m.type != MessageType::kHello)
-    return Fail(fmt::format("a message of type {} does not belong here", static_cast<int>(m.type)));
+    return Fail(fmt::format("a message of type {} is not allowed here", static_cast<int>(m.type)));
   QUARRY_ASSIGN(const Hello hello, DecodeHello(m.table));
   worker.SetServesAt(hello.serves_at);
   return {};

@@ -43,7 +43,7 @@ struct HttpService {
 void ServeConnection(boost::asio::io_context& io, int socket, std::shared_ptr<HttpService> service);
 
 /// Turns a stream into the WebSocket that `request` asks for; `head` is the same request in Beast's form.
-/// Sends the answer, then calls on_socket. Instances: the requests of http_connection.cpp.
+/// Sends the answer, then calls on_socket. Instantiated for the requests of http_connection.cpp.
 template <class Request>
 void AcceptWebSocket(ServedStream stream, const Request& request, HttpRequest head,
                      std::shared_ptr<HttpService> service);

@@ -46,8 +46,8 @@ class WebSocket {
  public:
   virtual ~WebSocket() = default;
   /// Starts reading. `on_text` gets each text message; a binary message ends the connection. `on_close` is
-  /// called once, and nothing after it.
-  /// Errors: a sentence that begins with the peer's name, such as "PEER closed the connection".
+  /// called once; afterwards no callback is called. Errors: a sentence that begins with the peer's name, such
+  /// as "PEER closed the connection".
   virtual void Start(std::function<void(std::string)> on_text,
                      std::function<void(const Error&)> on_close) = 0;
   /// Queues a message, which goes as one frame. Dropped after Close() or on_close. Requires: UTF-8.

@@ -327,7 +327,7 @@ class StreamConnection final : public PeerRecord {
       if (self->closed_) return;
       if (error) return self->DropOn(error);
       if (!self->security_.Proved(self->stream_.native_handle()))
-        return self->Drop("has finished the TLS handshake without proving itself", true);
+        return self->Drop("has finished the TLS handshake without a secret or certificate", true);
       self->Greet();
     });
   }

@@ -143,7 +143,7 @@ Result<FrameHeader> DecodeFrameHeader(std::span<const std::byte> bytes, Speaker 
   if (!May(speaker, header.type))
     return Fail(speaker == Speaker::kStranger
                     ? fmt::format("began with a message of type {}, which is not a greeting", type)
-                    : fmt::format("received a message of type {} that does not belong here", type));
+                    : fmt::format("received a message of type {}, which is not allowed here", type));
   const Limits limits = LimitsOf(header.type);
   if (header.table_bytes > limits.table || header.raw_bytes > limits.raw)
     return Fail(fmt::format("received a message of type {} beyond its size limit", type));

@@ -27,7 +27,7 @@ Status CheckTile(const Tile& tile, const View& view) {
                tile.form == PixelForm::kMeans))
     return Fail("a tile asks for samples that its view does not have");
   if (tile.leaves_holes && (tile.form != PixelForm::kShown || tile.samples_of(view.spp) != 1))
-    return Fail("a tile leaves holes where none can be");
+    return Fail("a tile leaves holes where no hole is possible");
   return {};
 }
 

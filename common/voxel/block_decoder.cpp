@@ -196,7 +196,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   impl_->ReadVertices(cut.Next(size_t{counts.vertices} * 12), {vertices, counts.vertices});
   if (!ReadFromNewest(cut.Next(size_t{counts.triangles} * 6), {corners, size_t{3} * counts.triangles},
                       counts.vertices))
-    return Fail("voxel block: a corner goes beyond the vertices");
+    return Fail("voxel block: a corner refers beyond the vertices");
   for (uint32_t* values : {ids, parts})
     ReadDifferences(cut.Next(size_t{counts.triangles} * 4), {values, counts.triangles});
   const auto beyond = [](uint32_t part) { return (part & VoxelGeometry::kSeeThrough) != 0; };
@@ -208,7 +208,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
     return Fail("voxel block: an opacity mask holds an invalid state");
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
-    return Fail("voxel block: a reference goes beyond the triangles");
+    return Fail("voxel block: a reference lies beyond the triangles");
 
   VoxelGeometry v;
   v.nodes = tree ? slots.data() : nullptr;
@@ -253,7 +253,7 @@ Result<VoxelShading> BlockDecoder::Shading(std::span<const std::byte> stored, st
   else
     impl_->ReadShading(cut.Next(vertex_count * vertex_bytes), {vertices, vertex_count});
   if (!ReadFromNewest(cut.Next(size_t{triangles} * 6), {corners, size_t{3} * triangles}, vertex_count))
-    return Fail("voxel block: a corner goes beyond the shading vertices");
+    return Fail("voxel block: a corner refers beyond the shading vertices");
   return VoxelShading{corners, vertices, triangles};
 }
 

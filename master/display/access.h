@@ -68,11 +68,10 @@ class Access {
   /// screens and logs of proxies do not spread it.
   bool HasToken(const HttpRequest& request) const;
 
-  /// Whether the request may read statistics: with the cookie, with "Authorization: Bearer TOKEN", or without
-  /// either from this machine itself.
-  /// A proxy on this machine makes every request come from loopback. So a request with headers of a proxy
-  /// needs the token; so does every request where a viewer URL is not a loopback name. Requires:
-  /// HostPermitted(), against DNS rebinding.
+  /// Whether the request may read statistics: it has the cookie or "Authorization: Bearer TOKEN", or it comes
+  /// from this machine. A proxy on this machine makes every request come from loopback. So a request with
+  /// headers of a proxy needs the token; so does every request where a viewer URL is not a loopback name.
+  /// Requires: HostPermitted(), against DNS rebinding.
   bool MayReadStatistics(const HttpRequest& request) const;
 
   /// The value of Set-Cookie for a request with the token. HttpOnly: scripts cannot read it. SameSite=Strict:

@@ -85,7 +85,7 @@ class ViewPacer {
   /// Continues: orders the next tiles. Returns: the frame to send now, if fewer than kMostUnderWay frames
   /// wait for acknowledgement.
   std::optional<DueFrame> Step(double now_s);
-  /// When Step() is to be called again even if nothing else happens; far away if never.
+  /// The time at which Step() must be called again if nothing else happens; far in the future if none.
   double due_s() const { return due_s_; }
 
   /// Pixels of the picture that is held.

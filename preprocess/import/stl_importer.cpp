@@ -145,7 +145,7 @@ Status BinaryStl::Header() {
       return Fail(fmt::format("{}: its count of facets is {}, and its size is not that of whole facets", path,
                               count_));
     counted_ = false;
-    sink_.Warn(fmt::format("{}: its count of facets is {}; those up to its end are read", path, count_));
+    sink_.Warn(fmt::format("{}: its count of facets is {}; all facets up to the end are read", path, count_));
   } else if (bytes_.has_size() && promised > bytes_.size()) {
     return Fail(
         fmt::format("{}: is not an ASCII STL, and as a binary STL it would need {} bytes, but it has {}",
@@ -185,7 +185,7 @@ Result<uint64_t> BinaryStl::Import() {
   if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
     sink_.Warn(fmt::format("{}: bytes behind the last facet left out", bytes_.path()));
   if (has_others_)
-    sink_.Warn(fmt::format("{}: left out, since they are not read: attributes of facets that are no colours",
+    sink_.Warn(fmt::format("{}: left out, since they are not read: attributes of facets that are not colours",
                            bytes_.path()));
   return read_;
 }

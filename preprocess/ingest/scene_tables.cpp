@@ -53,7 +53,7 @@ void SceneTables::AddView(View view, size_t most, std::vector<View>& views) {
     if (!warned_of_views_)
       Warn(fmt::format(
           "{}: {} is left out: {}", file_name_, view.name.empty() ? "a view" : view.name,
-          usable ? fmt::format("a store holds {} of its kind", most) : "it holds numbers that cannot be"));
+          usable ? fmt::format("a store holds {} of its kind", most) : "it holds invalid numbers"));
     warned_of_views_ = true;
     return;
   }

@@ -106,7 +106,7 @@ void CornerFans::Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner
   corners_.push_back({slot, static_cast<uint32_t>(faces_.size() - 1) << 2 | corner});
 }
 
-/// Solves one fan: faces and their corners, as PlacedCorner has them.
+/// Solves one fan: faces and their corners, in the form of PlacedCorner.
 void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const {
   const auto angle = [&](uint32_t c) { return faces_[c >> 2].angles[c & 3]; };
   glm::vec3 sums[kMostAround];

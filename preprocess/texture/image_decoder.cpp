@@ -141,7 +141,7 @@ Status ImageDecoder::DecodeRows(const TextureImage& image, const OnFacts& on_fac
     QUARRY_ASSIGN(Message message, Receive(image));
     if (message.kind == ImageMessage::kEnd && rows == facts.height) {
       if (!message.bytes.empty())
-        remark_ = fmt::format("{}: is read, but its decoder says: {}", NameOf(image),
+        remark_ = fmt::format("{}: is read, but its decoder reports: {}", NameOf(image),
                               AsText(message.bytes).substr(0, 1000));
       return {};
     }

@@ -195,7 +195,7 @@ export function frameBox(camera, size, lower, upper) {
 }
 
 /// An orthographic camera outside a box, moved back until the whole box lies ahead of it; its picture is the same, and
-/// nothing is cut off. Inside the box it stays: its plane then cuts the model.
+/// nothing is cut off. A camera inside the box is not moved; its plane then cuts the model.
 export function aheadOfBox(camera, lower, upper) {
   const isInside = camera.eye.every((x, i) => x >= lower[i] && x <= upper[i]);
   if (!isOrthographic(camera) || isInside) return camera;

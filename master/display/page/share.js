@@ -74,7 +74,7 @@ export class Share {
 
   get name() { return fileName(this.live.scene.name); }
 
-  /// The size in the fields, or null with a sentence.
+  /// The size in the page's fields; for an invalid one shows a sentence and returns null.
   size() {
     const size = ['save-width', 'save-height'].map((id) => Number($(id).value));
     if (size.every((x) => Number.isInteger(x) && x >= 1 && x <= MOST_SIDE)) return size;

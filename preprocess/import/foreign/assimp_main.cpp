@@ -249,7 +249,7 @@ Status WritePly(const std::vector<Placed>& placed, const std::vector<uint32_t>& 
     colors |= p.mesh->HasVertexColors(0);
   }
   if (faces == 0) return Fail("holds no triangles");
-  if (vertices > 0xFFFFFFFFull) return Fail("has more vertices than 32 bits count");
+  if (vertices > 0xFFFFFFFFull) return Fail("has more vertices than 32 bits can count");
   QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
   std::string text = fmt::format(
       "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty "

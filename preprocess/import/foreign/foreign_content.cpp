@@ -38,8 +38,8 @@ constexpr std::string_view kVolume =
 /// First bytes of known formats.
 constexpr Signature kSignatures[] = {
     {"version https://git-lfs.github.com/"sv, "a Git LFS pointer, not the model",
-     "run \"git lfs pull\" where it comes from"},
-    {"/annex/objects/"sv, "a git-annex pointer, not the model", "run \"git annex get\" where it comes from"},
+     "run \"git lfs pull\" in its repository"},
+    {"/annex/objects/"sv, "a git-annex pointer, not the model", "run \"git annex get\" in its repository"},
     {"\x1F\x8B"sv, "packed twice", "unpack it once: gzip -d"},
     {"\x28\xB5\x2F\xFD"sv, "packed twice", "unpack it once: zstd -d"},
     {"\x1F\x9D"sv, "packed by compress", "unpack it first: gzip -d (gzip and zstd are unpacked here)"},
@@ -154,7 +154,7 @@ constexpr Signature kExtensions[] = {
     {".sldlfp"sv, "a SolidWorks file", kExact},
     {".bdf"sv, "a mesh of finite elements", "write its surface as STL or PLY (meshio convert)"},
     {".inp"sv, "a mesh of finite elements", "write its surface as STL or PLY (meshio convert)"},
-    {".gcode"sv, "a program for a printer (G-code)", "give the model that it was made of"},
+    {".gcode"sv, "a program for a printer (G-code)", "give the model from which it was made"},
 };
 
 /// Extensions of models that Quarry reads, whatever they hold.

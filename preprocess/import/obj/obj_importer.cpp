@@ -105,7 +105,7 @@ Result<uint64_t> ObjFile::Import() {
   WarnOfDangling(normals_);
   WarnOfDangling(uvs_);
   if (has_painted_)
-    sink_.Warn(fmt::format("{}: its colours stand in comments (#MRGB, as ZBrush writes them); left out",
+    sink_.Warn(fmt::format("{}: its colours are in comments (#MRGB, as ZBrush writes them); left out",
                            bytes_.path()));
   if (free_forms_ != 0)
     sink_.Warn(fmt::format("{}: {} free-form curves or surfaces left out", bytes_.path(), free_forms_));

@@ -104,7 +104,7 @@ TEST_CASE("STL: counts that were never filled in, and lengths behind facets", "[
   REQUIRE(ImportText("a.stl", payload, sink) == "");
   CHECK(sink.positions[3] == glm::dvec3(0));
   REQUIRE(sink.warnings.size() == 1);
-  CHECK_THAT(sink.warnings[0], Contains("attributes of facets that are no colours"));
+  CHECK_THAT(sink.warnings[0], Contains("attributes of facets that are not colours"));
 }
 
 TEST_CASE("Faces and facets have colours", "[import][reported]") {

@@ -163,7 +163,7 @@ void CadMesher::WarnOfLosses() const {
                          without_faces_.count, where(without_faces_)));
   if (assembly_.too_deep > 0)
     out_.Put(CadMessage::kWarning,
-             fmt::format("{} assemblies stand below 256 others; they are left out", assembly_.too_deep));
+             fmt::format("{} assemblies are nested below 256 others; they are left out", assembly_.too_deep));
   if (assembly_.hidden + hidden_faces_ > 0)
     out_.Put(CadMessage::kWarning, fmt::format("the file hides {} shapes and {} faces; they are left out",
                                                assembly_.hidden, hidden_faces_));
