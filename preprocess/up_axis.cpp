@@ -84,8 +84,8 @@ std::string GuessText(uint32_t axis, double triangles, const UpHabit& habit) {
   std::string how = fmt::format("a {} guess", kSurenessNames[static_cast<int>(sureness)]);
   if (sureness == Sureness::kToss)
     how = habit.comments == 0 && habit.formats != 0 && !habit.format.empty()
-              ? fmt::format("no evidence, so as usual for {}", habit.format)
-              : "no evidence";
+              ? fmt::format("no clear evidence, so as usual for {}", habit.format)
+              : "no clear evidence";
   return fmt::format("up axis: {}, {} (--up-axis {} for the other)", guess, how, other);
 }
 
