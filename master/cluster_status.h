@@ -18,8 +18,8 @@ class ClusterStatus {
   void Sample(double now_s, const WorkerRegistry& registry, uint64_t bytes_served);
   /// {"scene_id", "up_s", "workers": [...], "jobs": [...], "rays_per_s", "voxel_bytes_per_s"}; each name
   /// bears its unit. A worker's "load" is the share of its threads' time spent computing, 0 to 1. A job's
-  /// "left_s" is null while too little is done to tell. `under_way`: by job id, the sum of the parts done of
-  /// frames under way.
+  /// "left_s" is null while too little is done for an estimate. `under_way`: by job id, the sum of the parts
+  /// done of frames under way.
   std::string Json(const SceneId& scene, double now_s, const WorkerRegistry& registry, const Jobs& jobs,
                    const std::map<std::string, double>& under_way) const;
 

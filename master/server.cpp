@@ -70,7 +70,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
              }}),
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
-      // From a random start: results for another master's frames are told apart.
+      // From a random start: results for another master's frames are recognised.
       dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
       queries_(io, scene_,
                [this] {
@@ -248,7 +248,7 @@ void Server::WorkersChanged() {
   AssignSoon();
 }
 
-/// Once for all the messages at hand.
+/// Once for all messages that have arrived.
 void Server::AssignSoon() {
   if (std::exchange(assigning_, true)) return;
   asio::post(io_, [this] {

@@ -129,8 +129,8 @@ class Server {
 };
 
 /// Serves one scene: catalog and blocks to workers, jobs from clients, tiles to workers. With a spool,
-/// SIGTERM makes it keep finished frames, tell its peers and return. Errors: the store or the spool cannot be
-/// opened, the address cannot be listened at, an option is unusable.
+/// SIGTERM makes it keep finished frames, inform its peers and return. Errors: the store or the spool cannot
+/// be opened, the address cannot be listened at, an option is unusable.
 Status RunMaster(const MasterOptions& options);
 
 }  // namespace quarry

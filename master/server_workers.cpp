@@ -102,7 +102,7 @@ Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
   return {};
 }
 
-/// A worker that cannot go on says why, and is dropped.
+/// A worker that cannot continue sends the reason, and is dropped.
 Status Server::OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
   frames_.OnWorkerFailure(worker, failure.message);

@@ -22,7 +22,7 @@ struct WorkerRecord : WorkerState {
   std::string serves_at;  ///< HOST:PORT where other workers get blocks from it; empty: nowhere
   WorkerStatus counters;  ///< without lists of blocks
   std::set<FrameId> frames_told;
-  bool has_scene = false;  ///< it has confirmed the catalog, so it can be told of other workers
+  bool has_scene = false;  ///< it has confirmed the catalog, so it can get the list of other workers
 
   /// `port`: at the connection's host; 0: it serves no blocks.
   void SetServesAt(uint16_t port);

@@ -304,7 +304,7 @@ Status BuildStage::Route() {
   return files_->FinishWriting();
 }
 
-/// Finds the smooth normals that regions have to tell each other, while all their files are there.
+/// Finds the smooth normals that regions must exchange, while all their files are there.
 Status BuildStage::SmoothBorders() {
   const auto regions = static_cast<uint32_t>(tree_.regions.size());
   QUARRY_ASSIGN(

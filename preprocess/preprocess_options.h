@@ -36,7 +36,7 @@ struct PreprocessOptions {
   /// version, changed models) begins anew.
   enum class Resume { kNo, kYes, kIfFit };
   Resume resume = Resume::kNo;
-  /// The sentence that tells the user how to continue.
+  /// The sentence for the user about how to continue.
   std::string goes_on = "the same command with --resume continues";
   uint64_t unpack_limit = 0;  ///< bytes that a packed model may unpack to; 0: the default of ModelReader
   bool quiet = false;

@@ -30,7 +30,7 @@ inline constexpr const char* kSurenessNames[] = {"toss", "likely", "sure"};
 /// Thread-safe.
 Sureness SurenessOf(double triangles, const UpHabit& habit);
 
-/// The line that tells the user of a guess. `axis`: 1 or 2. Thread-safe.
+/// The line about a guess for the user. `axis`: 1 or 2. Thread-safe.
 std::string GuessText(uint32_t axis, double triangles, const UpHabit& habit);
 
 }  // namespace quarry

@@ -25,14 +25,14 @@ struct SavedCheckpoint {
 };
 
 /// The folder "OUTPUT.work", with a second folder for spill if that is wanted: the files of a run that a
-/// later run may continue, and the journal of checkpoints that tells how far they are valid. A checkpoint is
+/// later run may continue, and the journal of checkpoints up to which they are valid. A checkpoint is
 /// appended with a checksum and synchronised; files that it names must be durable before.
 /// A run without checkpoints removes its folders when it ends, fails or gets a signal. A run with checkpoints
 /// leaves them on a failure or signal, and the signal's line names them. Movable. Thread safety: none.
 class WorkFolder {
  public:
   /// `spill`: the folder for large files; empty: OUTPUT.work. `command`: the settings that the store depends
-  /// on, as lines "NAME VALUE". `resume`: continue, instead of beginning anew. `goes_on`: tells the user how
+  /// on, as lines "NAME VALUE". `resume`: continue, instead of beginning anew. `goes_on`: for the user, how
   /// to continue. Errors: cannot be written; the journal was begun by another command (the sentence names the
   /// first line that differs).
   static Result<WorkFolder> Open(const std::string& output, const std::string& spill,

@@ -90,7 +90,7 @@ class Forest : public Scene {
     Sheet(b, {0, 0, 0}, {field_.extent(), 0, 0}, {0, field_.extent(), 0});
   }
 
-  /// A branch and all branches and leaves on it, for as many levels as `depth` says.
+  /// A branch and all branches and leaves on it, for `depth` levels.
   struct Growth {
     Builder& b;
     Random& random;

@@ -15,7 +15,7 @@
 
 namespace quarry {
 
-/// Settings of a BlockSupply. Units: names tell bytes and seconds.
+/// Settings of a BlockSupply. Units: names end in bytes and seconds.
 struct SupplyOptions {
   Endpoint master;
   Security security, serving;        ///< toward masters and servers; toward workers that connect

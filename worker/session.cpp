@@ -17,8 +17,8 @@ namespace {
 
 namespace asio = boost::asio;
 
-constexpr double kIdleS = 10;       // time without a new tile after which the log says that the worker waits
-constexpr double kRetryS = 0.3;     // pause between attempts to reach the master
+constexpr double kIdleS = 10;    // time without a new tile after which a log line says that the worker waits
+constexpr double kRetryS = 0.3;  // pause between attempts to reach the master
 constexpr double kLastWordsS = 10;  // limit for the master to close the connection after a worker's Failure
 
 uint64_t NewInstance() {
@@ -202,7 +202,7 @@ Status Session::OnCatalog(const Message& m) {
   QUARRY_TRY(OpenSupply(*scene));
   QUARRY_TRY(MakeRenderer(*scene));
   scene_ = std::move(scene);
-  // The second Hello tells the port at which other workers are served.
+  // The second Hello has the port at which other workers are served.
   SendHello();
   SendStatus(true);
   return {};

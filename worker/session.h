@@ -95,7 +95,7 @@ class Session {
   std::optional<Error> gives_up_;  ///< the reason, once work cannot go on
   bool leaves_ = false;            ///< takes no tile more
   Clock::time_point leaves_since_;
-  Leave given_back_;  ///< tiles that the master is yet to be told of
+  Leave given_back_;  ///< tiles not yet reported to the master
   Clock::time_point lost_since_;
   const uint64_t instance_;           ///< random number of this run of the worker; never 0
   uint32_t worker_ = 0;               ///< the master's number for this worker

@@ -11,7 +11,7 @@
 
 namespace quarry {
 
-/// The options of a worker, as on its command line. Units: names tell bytes and seconds.
+/// The options of a worker, as on its command line. Units: names end in bytes and seconds.
 struct WorkerOptions {
   Endpoint master;
   Security security;  ///< toward the master, voxel servers and other workers

@@ -31,12 +31,12 @@ class SignalsHeld {
 void ReportIfLeft(const std::string& path, const std::string& left);
 
 /// Makes SIGINT, SIGTERM and SIGHUP remove the registered files, print "PROGRAM: interrupted; KEPT" on
-/// standard error and exit with status 1. `kept` says which results the interruption keeps. SIGHUP stays
-/// ignored where it is (nohup). SIGPIPE and SIGXFSZ do nothing: writes report the error.
+/// standard error and exit with status 1. `kept`: a sentence about the results that the interruption keeps.
+/// SIGHUP stays ignored where it is (nohup). SIGPIPE and SIGXFSZ do nothing: writes report the error.
 void InstallSignalHandlers(const std::string& program, const std::string& kept);
 
-/// Makes the first SIGTERM a request: the program goes on, and the returned descriptor becomes readable. A
-/// SIGTERM at least half a second later ends the program as InstallSignalHandlers() says. Earlier ones are
+/// Makes the first SIGTERM a request: the program continues, and the returned descriptor becomes readable. A
+/// SIGTERM at least half a second later ends the program as with InstallSignalHandlers(). Earlier ones are
 /// ignored: a program that ends a group of processes may send several at once. Requires: one call, after
 /// InstallSignalHandlers(). Returns: -1 when the process can open no descriptor; then each SIGTERM ends the
 /// program.

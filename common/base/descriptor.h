@@ -28,7 +28,7 @@ bool ReadAll(int fd, std::span<std::byte> out);
 bool WriteAll(int fd, std::span<const std::byte> bytes);
 
 /// Whether a file belongs to another user than this process's or root. Such a user may change it at any time,
-/// so that a secret in it is not one, whatever the mode says.
+/// so a secret in it is not safe, whatever its mode.
 bool StrangerOwns(const struct stat& info);
 /// The sentence for a secret that another user owns.
 std::string StrangerSentence(const std::string& path, const struct stat& info);

@@ -49,9 +49,8 @@ class InputFile final : public RandomAccessFile {
 
 /// A file that is written under a temporary name beside `path` and renamed to `path` by Commit(), so that no
 /// reader ever sees half of it. Destroying it without Commit() removes the temporary, whose name ends in
-/// ".tmp-PID". PlaceOf() says where `path` leads: symbolic links are followed; a device or FIFO is written to
-/// directly, in order, without a temporary.
-/// Units: offsets and sizes in bytes. Not thread-safe.
+/// ".tmp-PID". PlaceOf() gives the place to which `path` leads: symbolic links are followed; a device or FIFO
+/// is written to directly, in order, without a temporary. Units: offsets and sizes in bytes. Not thread-safe.
 class OutputFile {
  public:
   /// Errors: as PlaceOf(); the file cannot be created; a FIFO without a reader.

@@ -16,7 +16,7 @@ std::string PrintableName(std::string_view text);
 
 /// Writes `text`, made printable, and the end of the line to standard error, by one write(2): lines of
 /// several threads and processes do not mix. Text that cannot be written is lost (a full disk, a closed
-/// descriptor, a reader that is gone): the program goes on. Never throws; blocks as write(2) does.
+/// descriptor, a reader that is gone): the program continues. Never throws; blocks as write(2) does.
 /// Thread-safe.
 void Log(std::string_view text) noexcept;
 /// Writes `text` as it is, without an end of line: for a line of progress that is rewritten in place.

@@ -104,11 +104,10 @@ std::string OneSpelling(const std::string& path) {
   return error ? path : whole.string();
 }
 
-/// The facts that tell a file from all others, also from a file that takes over its inode after it is
-/// deleted.
+/// The facts that identify a file, also against a later file with the inode of a deleted one.
 struct FileIdentity {
   uint64_t device = 0, inode = 0;
-  int64_t born_s = 0, born_ns = 0;  ///< 0 where the file system does not tell
+  int64_t born_s = 0, born_ns = 0;  ///< 0 where the file system has none
 
   bool operator==(const FileIdentity&) const = default;
 };

@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// Peak resident memory of this process so far (VmHWM). 0 when the system does not tell. Thread-safe.
+/// Peak resident memory of this process so far (VmHWM). 0 when it is unknown. Thread-safe.
 uint64_t PeakResidentBytes();
 
 /// Raises the limit of open files (RLIMIT_NOFILE) to the system's maximum. For programs that listen: each

@@ -12,7 +12,7 @@ enum class ErrorKind : uint8_t {
   kFailed,        ///< any other reason
   kUsage,         ///< unusable arguments
   kPermanent,     ///< a retry cannot help: another version, another scene, damaged data
-  kCannotResume,  ///< kept work does not fit; the message says to begin anew
+  kCannotResume,  ///< kept work does not fit; the message advises to start again
   kCancelled,     ///< the caller asked to cancel
 };
 

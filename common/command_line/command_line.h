@@ -14,7 +14,7 @@ namespace quarry {
 /// Parses the arguments of a program whose app bears its name. --help and --version are answered on standard
 /// output. An error is one sentence on standard error: it begins with the program's name, and for a mistyped
 /// option or command it names the nearest known one.
-/// Returns: the exit status to end with (0 or 2), or nothing where the program is to go on.
+/// Returns: the exit status to end with (0 or 2), or nothing where the program continues.
 std::optional<int> ParseCommandLine(CLI::App& app, int argc, char** argv);
 
 /// Two options of which the first has no effect where the second is given, and why.

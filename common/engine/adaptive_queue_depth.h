@@ -6,7 +6,7 @@
 
 namespace quarry {
 
-/// Limits of the tiles that a renderer of `threads` threads has at hand, begun or queued. FewestTiles() is
+/// Limits of the tiles that a renderer of `threads` threads holds, begun or queued. FewestTiles() is
 /// also the first value.
 inline uint32_t FewestTiles(uint32_t threads) { return threads * 2 + 2; }
 /// The upper limit: begun tiles take memory, and queued tiles cannot be stolen by other workers.
@@ -14,7 +14,7 @@ inline uint32_t MostTiles(uint32_t threads) { return threads * 8 + 2; }
 /// The upper limit while wanted blocks do not fit in the cache together (VoxelCache::scarce()).
 inline uint32_t MostTilesIfScarce(uint32_t threads) { return threads * 16 + 24; }
 
-/// The number of tiles that a worker wants to have at hand: the fewest that keep all threads busy, since
+/// The number of tiles that a worker wants to hold: the fewest that keep all threads busy, since
 /// queued tiles cannot be stolen by other workers. It rises by one, up to MostTiles(), at the end of a tile
 /// during which a thread starved, and falls by one at the end of any other tile. A thread that starves in a
 /// scarce cache raises it to MostTilesIfScarce() at once: a block is then loaded once for the rays of all

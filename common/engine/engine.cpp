@@ -207,7 +207,7 @@ void Engine::Run(Mailbox& mailbox) {
   });
   if (worked) return;
   open_ -= static_cast<uint32_t>(tiles.open.size());
-  tiles = {};  // gives memory back before the fault is told
+  tiles = {};  // returns memory before the fault is reported
   if (on_fault_) on_fault_(worked.error());
 }
 

@@ -66,7 +66,7 @@ Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Opt
 void Renderer::Begin(VoxelSource& source, Executor executor, const Options& options) {
   executor_ = std::move(executor);
   loader_.emplace(catalog_, cache_, source, [this](const Error& error) { Failed(error); });
-  // A compute thread tells the loader's thread, which its hooks belong to.
+  // A compute thread notifies the loader's thread, which owns the hooks.
   engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this](const Error& error) {
     executor_([this, error] { Failed(error); });
   });

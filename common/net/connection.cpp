@@ -141,8 +141,8 @@ class TcpListener final : public Listener {
   OnConnection on_connection_;
   const ListenerOptions options_;
   const std::shared_ptr<IncomingBudget> budget_;
-  std::deque<std::weak_ptr<AcceptedConnection>> connections_;  ///< open connections, oldest first
-  bool said_ = false;                                          ///< whether the log has told of the limit
+  std::deque<std::weak_ptr<AcceptedConnection>> connections_;         ///< open connections, oldest first
+  bool said_ = false;                                                 ///< whether the log has named the limit
   const std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);  ///< false once this is destroyed
 };
 

@@ -43,7 +43,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   /// Errors: the error names the peer. It is permanent when the two sides do not fit together: only one
   /// speaks TLS, the secrets or versions differ, or a certificate is refused.
   virtual void Start(OnMessage on_message, OnClose on_close) = 0;
-  /// Tells which program the peer is, which decides the messages that it may send. Until then an accepting
+  /// States the peer's kind of program, which decides the messages that it may send. Until then an accepting
   /// side takes only a greeting. `most_raw_bytes` limits the raw part of a message.
   virtual void Expect(Speaker speaker, uint32_t most_raw_bytes = ~uint32_t{0}) = 0;
   /// Queues a message. Messages keep their order.

@@ -18,8 +18,8 @@ struct ProgramFacts {
 /// Returns: the exit status. Requires: called once, by main.
 int RunProgram(const ProgramFacts& program, int argc, char** argv, int (*body)(int argc, char** argv));
 
-/// Logs an error, behind the program's name, and returns the exit status to end with. An error without
-/// a message has been told already.
+/// Logs an error, behind the program's name, and returns the exit status to end with. An error without a
+/// message has already been reported.
 int ExitStatus(const Status& status);
 
 }  // namespace quarry

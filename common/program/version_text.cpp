@@ -15,7 +15,7 @@
 namespace quarry {
 namespace {
 
-// Libraries that every C++ program loads; they tell nothing about Quarry.
+// Libraries that every C++ program loads; they say nothing about Quarry.
 constexpr std::string_view kOfEveryProgram[] = {"libc", "libm", "libgcc_s", "linux-vdso", "ld-linux-x86-64"};
 
 /// "liblz4 1.9.4" for /usr/lib/liblz4.so.1, whose file is liblz4.so.1.9.4; empty: not worth telling.

@@ -13,7 +13,7 @@ namespace quarry {
 /// The Content-Range of a partial answer. Units: bytes.
 struct ContentRange {
   uint64_t first = 0, last = 0;  ///< both inclusive
-  uint64_t file_size = 0;        ///< 0: the server does not tell
+  uint64_t file_size = 0;        ///< 0: unknown
 };
 
 /// Parses "bytes FIRST-LAST/SIZE" or "bytes FIRST-LAST/*". Returns: nothing for anything else (another unit,

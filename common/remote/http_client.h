@@ -25,7 +25,7 @@ class HttpRangeClient {
  public:
   struct Reply {
     Bytes bytes;
-    uint64_t file_size = 0;  ///< bytes; 0 when the server does not tell
+    uint64_t file_size = 0;  ///< bytes; 0 when unknown
   };
   using Done = std::function<void(Result<Reply>)>;
 

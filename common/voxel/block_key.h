@@ -30,7 +30,7 @@ class BlockKey {
   static constexpr BlockKey Page(uint32_t page) { return {BlockKind::kPage, page}; }
 
   constexpr BlockKind kind() const { return static_cast<BlockKind>(bits_ & kKindMask); }
-  /// The voxel or the page, as the kind says.
+  /// The voxel or the page, by the kind.
   constexpr uint32_t index() const { return static_cast<uint32_t>(bits_ >> kIndexBit); }
   /// The key as a number of kBits bits, in the order of keys. Only for tables in memory.
   constexpr uint64_t bits() const { return bits_; }

@@ -55,7 +55,7 @@ Status CheckStoreTable(const StoreHeader& header, std::span<const std::byte> tab
 Status CheckSameStore(const StoreHeader& header, std::span<const std::byte> table, const Catalog& catalog,
                       const std::string& name);
 
-/// The sentence about a store's file that has `bytes` bytes where its header says `expected`.
+/// The sentence about a store's file with `bytes` bytes whose header states `expected`.
 std::string WrongSizeText(const std::string& name, uint64_t bytes, uint64_t expected);
 
 }  // namespace quarry

@@ -29,7 +29,7 @@ inline constexpr uint32_t kPackedUvs = 1, kPackedColors = 2;
 
 /// Most triangles of a voxel: 3 * 21,845 corners number at most 65,535 vertices, and indices are 16 bits.
 inline constexpr uint32_t kMaxVoxelTriangles = 21845;
-/// Limit of a decoded block in bytes, whatever a directory says: it bounds allocations.
+/// Limit of a decoded block in bytes, whatever a directory states: it bounds allocations.
 inline constexpr uint32_t kMaxBlockBytes = 64u << 20;
 
 /// Most bytes of a stored block: twice the decoded size, plus the streams' header and their size. (Streams of

@@ -18,7 +18,7 @@
 namespace quarry {
 
 /// The frames of clients' jobs, for the dispatcher: begins them, has coming ones probed, passes pixels and
-/// statistics on to the jobs, and tells clients how far their frames are.
+/// statistics on to the jobs, and sends clients the progress of their frames.
 /// Units: seconds since the master began. Not thread-safe.
 class JobFrames final : public FrameSource {
  public:

@@ -47,8 +47,8 @@ class Jobs {
        uint64_t frame_memory, Callbacks callbacks);
   ~Jobs();
 
-  /// Goes on with the spool's jobs, but for a job that has ended Spool::kMostTries masters, or that takes
-  /// more memory than there is.
+  /// Continues the spool's jobs, except jobs that have ended Spool::kMostTries masters, or that need more
+  /// memory than there is.
   void TakeUp();
   /// A client asks for a job, and may have some of its frames. A job asked for twice is one job.
   /// Errors: the job takes more memory than there is, or was set aside; nothing of it is kept.
@@ -66,7 +66,7 @@ class Jobs {
   std::vector<JobFrame> Upcoming(size_t most) const;
   /// Takes a frame's pixels, to be encoded and delivered.
   void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
-  /// Ends a job that cannot be done, and tells its clients.
+  /// Ends a job that cannot be done, and informs its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 
   /// Begins no frame more, sends none, and calls `done` when the frames that are rendered are in the spool:

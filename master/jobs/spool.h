@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// Jobs on disk, with which a master that is started again goes on. Each job has a folder with the request
+/// Jobs on disk, which a restarted master continues. Each job has a folder with the request
 /// and the finished frames, each file written whole or not at all, and with a checksum: a frame's is 8 bytes
 /// after its picture. Links in the folder are neither read nor written through. Thread-safe after Open.
 class Spool {
@@ -30,16 +30,16 @@ class Spool {
   /// Tries after which a job is set aside: it may be the cause of the masters' ends.
   static constexpr uint32_t kMostTries = 3;
   /// Jobs that were begun, the oldest first. A damaged job is left alone, and a job that has had kMostTries
-  /// is renamed to ID.set-aside; `log` is told of both.
+  /// is renamed to ID.set-aside; `log` gets a line for both.
   std::vector<Found> Jobs(const std::function<void(const std::string&)>& log) const;
 
   /// Errors: the disk is full or cannot be written.
   Status Begin(const std::string& id, const RenderJob& job) const;
   /// Counts a try, on disk before it returns; not counted where the disk cannot be written.
   void NoteTry(const std::string& id) const;
-  /// Counts the last try no more: the master ends because it was told to.
+  /// Uncounts the last try: the master ends on request.
   void TakeBackTry(const std::string& id) const;
-  /// Errors: the job was set aside; the sentence says where it is and how to try it again.
+  /// Errors: the job was set aside; the sentence names its place and the way to try it again.
   Status CheckNotSetAside(const std::string& id) const;
   /// Writes a finished frame and resets the job's tries. Errors: the disk is full or cannot be written.
   Status WriteFrame(const std::string& id, const RenderJob& job, size_t frame,

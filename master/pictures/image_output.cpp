@@ -23,7 +23,7 @@
 namespace quarry {
 namespace {
 
-/// Linear values to 8 bits, sRGB: as EncodeSrgb says, but looked up.
+/// Linear values to 8 bits, sRGB: as by EncodeSrgb, but from a table.
 class SrgbEncoder {
  public:
   explicit SrgbEncoder(double exposure) {

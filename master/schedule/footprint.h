@@ -21,8 +21,8 @@ struct TileFootprint {
   bool known = false;            ///< the blocks are known
 };
 
-/// Chance from which a block counts as touched: its worker is told to fetch it ahead, and plans count on the
-/// worker to hold it. Trades bytes fetched in vain for waiting. `quarry bench simulate --foresight 0`:
+/// Chance from which a block counts as touched: its worker is ordered to fetch it ahead, and plans assume
+/// that the worker holds it. Trades bytes fetched in vain for waiting. `quarry bench simulate --foresight 0`:
 /// tests/scalability/history.md, 2026-11-26.
 inline constexpr float kLikely = 0.9f;
 

@@ -13,7 +13,7 @@ namespace {
 constexpr double kTileS = 2e-3;
 /// Computing of the smallest tile of a range of samples: a viewer in motion waits for no longer one.
 constexpr double kRestTileS = 10e-3;
-/// Tiles that a thread has at hand, one begun and one queued: the next is there when one ends.
+/// Tiles per thread, one begun and one queued: the next is there when one ends.
 constexpr uint32_t kTilesPerThread = 2;
 /// Seconds after which a held tile is given to an idle worker too, doubled with each holder. A tile that
 /// leaves holes waits for no block, so that only a lost or slow worker is late with it.
@@ -265,7 +265,7 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
   Viewer& viewer = viewers_.at(frame.viewer);
   SetOwner(viewer, frame, area, worker);
   if (points < kLeastSide * kLeastSide) return std::optional(traced);
-  // The worker's word for its time is believed within bounds. Of a few points it tells nothing.
+  // The worker's word for its time is believed within bounds. A few points are no evidence.
   const double point_s = static_cast<double>(done.compute_us) * 1e-6 /
                          (static_cast<double>(points) * area.samples_of(frame.view.spp));
   viewer.point_s += kNewCost * (std::clamp(point_s, 1e-8, 1e-3) - viewer.point_s);

@@ -27,7 +27,7 @@ enum class FieldKind : uint8_t {
 inline constexpr uint32_t kFieldKinds = 9;
 
 /// Compares the fields that a model file names with the fields that its reader carries into the store, and
-/// tells the difference in one warning, so that nothing is dropped in silence. The table of carried fields
+/// names the difference in one warning, so that nothing is dropped silently. The table of carried fields
 /// stands in the .cpp, for every format; 3MF, STL, OFF and NFF have so few that their readers warn
 /// themselves. Memory: at most 64 names of 64 bytes a kind. Thread safety: none.
 class CarriedFields {

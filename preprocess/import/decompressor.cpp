@@ -50,7 +50,7 @@ class Unzstd : public Decompressor {
  public:
   explicit Unzstd(std::string_view start) : context_(ZSTD_createDCtx()) {
     ZSTD_DCtx_setParameter(context_, ZSTD_d_windowLogMax, window_limit_log);
-    // The frame's header gives the window, unless it says that the content is a single segment.
+    // The frame's header gives the window, unless it states that the content is a single segment.
     constexpr unsigned kOneSegment = 0x20;
     if (start.size() > 5 && (static_cast<unsigned char>(start[4]) & kOneSegment) == 0) {
       const auto window = static_cast<unsigned char>(start[5]);

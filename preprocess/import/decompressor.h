@@ -25,7 +25,7 @@ class Decompressor {
 };
 
 /// Sets the memory in bytes that a Zstandard window may take, for decompressors made from now on; 128 MiB
-/// (zstd's limit) before the first call. A larger window is an error that says how to unpack the file.
+/// (zstd's limit) before the first call. A larger window is an error with advice to unpack the file.
 void LimitZstdWindow(uint64_t bytes);
 
 /// A decompressor for bytes that begin with `start`: gzip or Zstandard; null for other bytes.

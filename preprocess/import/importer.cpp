@@ -169,7 +169,7 @@ Status ImportModel(const std::string& path, ModelSink& sink, const ForeignFormat
     QUARRY_TRY(ImportConverted(ply, path, sink));
     return sink.EndFile();
   }
-  // These readers know the structure before the first triangle, and tell the origin themselves.
+  // These readers know the structure before the first triangle, and give the origin themselves.
   const bool tells_origin = is_cad || format == Format::kThreeMf;
   if (!tells_origin && bytes.can_reopen()) FindOrigin(path, unpack_limit, import, sink);
   if (!tells_origin && !bytes.can_reopen()) FindOriginOfPipe(bytes, import, sink);

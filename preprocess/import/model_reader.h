@@ -14,9 +14,10 @@
 namespace quarry {
 
 /// Reads a model from front to back through one buffer of kBufferBytes; never maps the file. The path "-" is
-/// standard input. Bytes packed by gzip or zstd, told by the first bytes, are unpacked; sizes and offsets
-/// then refer to unpacked bytes. The next bytes are data()[0 .. available()); Ensure() reads more, Consume()
-/// drops them. Pointers into the buffer are valid until the next Ensure() or Skip(). Thread safety: none.
+/// standard input. Bytes packed by gzip or zstd, recognised by the first bytes, are unpacked; sizes and
+/// offsets then refer to unpacked bytes. The next bytes are data()[0 .. available()); Ensure() reads more,
+/// Consume() drops them. Pointers into the buffer are valid until the next Ensure() or Skip(). Thread safety:
+/// none.
 class ModelReader {
  public:
   static constexpr size_t kBufferBytes = 1 << 20;
@@ -66,7 +67,7 @@ class ModelReader {
   tl::unexpected<Error> Truncated(const std::string& where) const;
   /// "PATH, byte N: " + `what`.
   tl::unexpected<Error> FailHere(const std::string& what) const;
-  /// Whether reading or unpacking has failed: Truncated() tells why.
+  /// Whether reading or unpacking has failed: Truncated() gives the reason.
   bool failed() const { return !read_error_.empty(); }
 
  private:

@@ -94,7 +94,7 @@ class ModelSink {
   /// Reports a line to the user; the statistics count it.
   virtual void Warn(std::string message) = 0;
 
-  /// Tells the user how a file was read; the summary of the run has it again.
+  /// Informs the user how a file was read; the run's summary repeats it.
   virtual void Note(std::string /*message*/) {}
 
   /// Reports progress. Units: bytes of the file.

@@ -14,7 +14,7 @@
 
 namespace quarry {
 
-/// Gathers resolved triangles of all model files in the file "FOLDER/triangles-N", where N tells the
+/// Gathers resolved triangles of all model files in the file "FOLDER/triangles-N", where N stands for the
 /// attributes. Triangles without area and triangles with coordinates that are not finite are dropped and
 /// counted; their ids stay used.
 /// Thread safety: AddPolygon() may run beside NewIds() and input_triangles(), nothing else.

@@ -115,7 +115,7 @@ VoxelTree BuildTree(std::span<const TriangleRecord> triangles, const Box& cell, 
   for (const TriangleRecord& t : triangles)
     vertices.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}});
   const SahCosts costs{.byte = kByteWorth};
-  // Headers and wide nodes take about 7/9 of the tree's own bytes; only the layout tells exactly.
+  // Headers and wide nodes take about 7/9 of the tree's own bytes; only the layout gives the exact size.
   KdTree tree = BuildKdTree(vertices, padding, cell, costs, room);
   for (size_t most_bytes = room / 16 * 9;;) {
     PruneKdTree(tree, cell, costs, most_bytes);

@@ -34,7 +34,7 @@ Status ImageDecoder::Start() {
   return helper_.Start();
 }
 
-/// The helper has ended; the result tells why.
+/// The helper has ended; the result is the reason.
 tl::unexpected<Error> ImageDecoder::Ended(const TextureImage& image) {
   const int status = helper_.Wait();
   if (!answered_ && WIFEXITED(status)) {

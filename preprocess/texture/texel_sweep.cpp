@@ -9,7 +9,7 @@ namespace quarry {
 namespace {
 
 constexpr int64_t kMostRows = 8192;
-constexpr double kFarthest = 1e9;  // texels; beyond it, places are not told apart
+constexpr double kFarthest = 1e9;  // texels; beyond it, places are not distinguished
 
 /// Whole numbers from `first` to `last`; none if last < first.
 struct Range {

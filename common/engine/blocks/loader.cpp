@@ -36,8 +36,8 @@ Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
     : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
-  // A source that has the block at hand answers inside Fetch(), which calls Run() again: the loop takes the
-  // answer up.
+  // A source that already has the block answers inside Fetch(), which calls Run() again: the loop handles the
+  // answer.
   again_ = true;
   if (std::exchange(running_, true)) return;
   const Status ran = WithinLimits([&]() -> Status {

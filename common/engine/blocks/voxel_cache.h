@@ -54,7 +54,7 @@ class Mailbox {
 /// The cache of decoded blocks, voxels' and textures', with a limit in bytes. It evicts the least recently
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
-/// Units: bytes, decoded; a page of a texture counts as PageRoom() says.
+/// Units: bytes, decoded; a texture's page counts as PageRoom().
 /// Memory beyond the limit: 16 bytes a block of the scene.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
 /// Requires: a thread that waits for a block holds no pins.

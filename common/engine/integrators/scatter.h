@@ -22,7 +22,7 @@ namespace quarry {
 struct LightSample {
   glm::vec3 direction{0};  ///< toward the light
   float distance = kInfinity;
-  glm::vec3 radiance{0};  ///< incoming, as Light says
+  glm::vec3 radiance{0};  ///< incoming, in Light's units
 };
 inline LightSample SampleSun(const Light& light) { return {light.vector, kInfinity, light.radiance}; }
 inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {

@@ -6,7 +6,7 @@ namespace quarry {
 
 struct PacketWork;
 
-/// Decides which hits count. A ray whose hit does not count goes on behind it. Immutable, so thread-safe.
+/// Decides which hits count. A ray whose hit does not count continues behind it. Immutable, so thread-safe.
 class HitFilter {
  public:
   virtual ~HitFilter() = default;
@@ -17,7 +17,7 @@ class HitFilter {
   struct Verdict {
     uint64_t there = 0, rejected = 0, waiting = 0;
   };
-  /// Goes on with the test of `lanes`.
+  /// Continues the test of `lanes`.
   virtual Verdict Test(PacketWork& work, uint64_t lanes) const = 0;
 };
 

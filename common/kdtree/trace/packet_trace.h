@@ -30,8 +30,8 @@ QUARRY_HOST_DEVICE inline bool EndAtOccluder(const Finder& finder, PacketRays<L>
   return JoinBits<L>(p.alive) == 0;
 }
 
-/// The first voxel of a leaf's chain that any of the rays `active` goes on with. `first`: the chain's first
-/// voxel.
+/// The first voxel of a leaf's chain with which any of the rays `active` continues. `first`: the chain's
+/// first voxel.
 template <class L>
 QUARRY_HOST_DEVICE inline uint32_t FirstInChain(const TopTree& top, const PacketRays<L>& p, uint32_t first,
                                                 const typename L::Mask* active) {
@@ -92,7 +92,7 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
       Mask inside[kGroups], any = L::NoLanes();
       const VoxelBounds& bounds = top.bounds[voxel];
       for (uint32_t g = 0; g < kGroups; ++g) {
-        // A ray that has waited goes on with the voxel that it waited for, if this chain has it
+        // A ray that has waited continues with the voxel that it waited for, if this chain has it
         // (GoOnInChain).
         const Mask passed =
             L::And(L::LessInt(p.chain[g], L::SetInt(end)), L::LessInt(L::SetInt(voxel), p.chain[g]));

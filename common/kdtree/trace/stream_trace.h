@@ -238,7 +238,7 @@ class StreamTracer {
     return !Follows<ScalarLane>(t, triangle, bound.t, bound.triangle);
   }
 
-  /// The voxel that a ray goes on with in the chain that begins with `first`.
+  /// The voxel with which a ray continues in the chain that begins with `first`.
   uint32_t GoesOnAt(uint32_t id, uint32_t first) const {
     return top_.GoOnInChain(first, PacketOf(id).chain[LaneOf(id)]);
   }

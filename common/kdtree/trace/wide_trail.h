@@ -7,7 +7,7 @@
 
 namespace quarry {
 
-/// Tells whether the nodes above the present node have cells ahead, by a bit per level instead of a stack.
+/// Records whether the nodes above the present node have cells ahead: a bit per level instead of a stack.
 /// Nodes more than 63 levels above count as having cells ahead.
 /// Source: Áfra & Szirmay-Kalos 2014, "Stackless Multi-BVH Traversal for CPU, MIC and GPU Ray Tracing".
 class WideTrail {

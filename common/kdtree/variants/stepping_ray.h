@@ -75,7 +75,7 @@ class SteppingRay {
     state_ = State::kNode;
   }
 
-  /// Goes on by a node. Requires: at_node().
+  /// Steps to the next node. Requires: at_node().
   template <class Statistics>
   QUARRY_HOST_DEVICE void Step(const TopTree& top, Statistics& statistics) {
     const Reached reached = way_.Step(frame_, t_, t_exit_, t_end_, leaf_, statistics);

@@ -96,7 +96,7 @@ class KdSteps {
     return leaf.first != leaf.last ? Reached::kLeaf : Reached::kEnd;
   }
 
-  /// Goes on from a leaf, from t_exit up to t_end. Returns: false where the ray leaves the tree.
+  /// Continues from a leaf, from t_exit up to t_end. Returns: false where the ray leaves the tree.
   template <class Statistics>
   QUARRY_HOST_DEVICE bool Leave(const RayFrame<ScalarLane>& frame, float& t, float& t_exit, float t_end,
                                 Statistics& statistics) {

@@ -74,7 +74,7 @@ Result<CadClient::Message> CadClient::Next(const std::string& part) {
   return Message{kind, content_};
 }
 
-/// The helper has ended before its last message; the result tells why.
+/// The helper has ended before its last message; the result is the reason.
 tl::unexpected<Error> CadClient::Ended(const std::string& part) {
   const int status = helper_.Wait();
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoLibrary)

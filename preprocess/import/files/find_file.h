@@ -24,7 +24,7 @@ std::filesystem::path FindOnlyFile(const std::string& by, const std::string& nam
                                    std::initializer_list<const char*> extensions);
 
 /// Whether `file` lies outside of `model`'s folders, judged by the names alone. A model from a stranger must
-/// not use other files of the machine: readers tell that they read such a file, or refuse to.
+/// not use other files of the machine: readers warn of such a file, or refuse it.
 bool LeavesFolder(const std::string& model, const std::filesystem::path& file);
 
 }  // namespace quarry

@@ -59,7 +59,7 @@ void DropNulls(Json& json) {
     for (Json& inner : json) DropNulls(inner);
 }
 
-/// Errors: a buffer's file is a pointer to a file or a web page, told by its small size and text.
+/// Errors: a buffer's file is a pointer to a file or a web page, recognised by its small size and text.
 Status CheckIsBuffer(const InputFile& file, const std::string& path) {
   constexpr uint64_t kLook = 1024;
   std::string text(std::min(file.size(), kLook), 0);

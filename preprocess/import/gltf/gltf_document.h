@@ -60,7 +60,7 @@ class GltfDocument {
   /// The decoded bytes of the document's compressed parts.
   GltfDecoded& decoded() { return decoded_; }
 
-  /// Whether the document says where the buffer's bytes are.
+  /// Whether the document names the place of the buffer's bytes.
   bool HasBytes(uint64_t buffer) const;
 
   /// Counts elements that stand in no buffer. Returns: false when they are more than kMostZeros with all

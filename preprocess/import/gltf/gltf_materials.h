@@ -32,7 +32,7 @@ class GltfMaterials {
   /// material; unusable colours; the sink's.
   Result<Use> Find(const nlohmann::json& primitive, const std::string& mesh);
 
-  /// Tells the sink of the fields that the document names and that are not carried. Requires: Read().
+  /// Reports to the sink the document's fields that are not read. Requires: Read().
   void TellLeftOut() const;
 
  private:

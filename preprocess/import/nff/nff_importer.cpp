@@ -157,7 +157,7 @@ class NffReader {
     return {};
   }
 
-  /// The number tells whether shadows are cast; Quarry ignores it.
+  /// The number states whether shadows are cast; Quarry ignores it.
   Status Include() {
     QUARRY_TRY(words_.Number("the number before an included file"));
     QUARRY_ASSIGN(const std::string name, words_.Word("a file's name"));

@@ -33,9 +33,9 @@ struct MtlMaterial {
 /// given, metalness and roughness of a usual extension, they say how Kd shines instead of Ks, Kr and illum,
 /// but for 4, 6, 7 and 9.
 /// Textures: see ParseMtlTexture; where a colour has one but is not given itself, it is 1. Of several for one
-/// use the last counts. Without map_d, the alpha of map_Kd is the opacity. Words that are not read are told
-/// of to `warn`, once each; values are clamped to the ranges of Material. A line that cannot be understood is
-/// passed over, with a sentence to `warn`. Errors: cannot be opened or read; a line of more than 1 MiB.
+/// use the last counts. Without map_d, the alpha of map_Kd is the opacity. `warn` gets each word that is not
+/// read, once; values are clamped to the ranges of Material. A line that cannot be understood is passed over,
+/// with a sentence to `warn`. Errors: cannot be opened or read; a line of more than 1 MiB.
 Result<std::vector<MtlMaterial>> ReadMtl(const std::string& path,
                                          const std::function<void(std::string)>& warn);
 

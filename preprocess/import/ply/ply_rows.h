@@ -70,7 +70,7 @@ inline auto WithType(PlyType type, Use&& use) {
 }
 
 /// Reads values of a binary PLY body. Each function returns false where the file ends early or contradicts
-/// its header; Failure() tells why. Thread safety: none.
+/// its header; Failure() gives the reason. Thread safety: none.
 template <bool kSwap>
 class BinaryPlySource {
  public:

@@ -52,7 +52,7 @@ Status InstanceGraph::ForEach(uint32_t object, const Visit& visit) const {
   return Climb(glm::dmat4(1), way, visit);
 }
 
-/// Goes on from the last object of the way; kMostDepth bounds the recursion.
+/// Continues from the last object of the way; kMostDepth bounds the recursion.
 Status InstanceGraph::Climb(const glm::dmat4& to_here, std::vector<uint32_t>& way, const Visit& visit) const {
   const uint32_t object = way.back();
   for (uint32_t i = first_[object]; i < first_[object + size_t{1}]; ++i) {

@@ -8,7 +8,7 @@
 
 namespace quarry {
 
-/// The attributes of a triangle that tell its look. Without p1 it has its object's.
+/// The attributes of a triangle that decide its look. Without p1 it has its object's.
 struct TriangleLook {
   bool stated = false;     ///< whether there is a p1
   uint32_t group = 0;      ///< pid; 0: the object's

@@ -10,7 +10,7 @@
 
 namespace quarry {
 
-/// The namespaces of 3MF that are told apart.
+/// The namespaces of 3MF that are distinguished.
 enum class XmlSpace : uint8_t {
   kNone,        ///< no namespace
   kCore,        ///< 3MF's own

@@ -24,7 +24,7 @@
 namespace quarry {
 namespace {
 
-/// Tells how much of a file has been read.
+/// Reports the share of a file that has been read.
 class ToldFile : public std::streambuf {
  public:
   ToldFile(const std::string& path, CadOutput& out) : out_(out), buffer_(1 << 18) {
@@ -52,7 +52,7 @@ class ToldFile : public std::streambuf {
   double size_ = 1, done_ = 0;
 };
 
-/// Tells how much of a file's entities has become shapes.
+/// Reports the share of a file's entities that have become shapes.
 class TransferProgress : public Message_ProgressIndicator {
  public:
   explicit TransferProgress(CadOutput& out) : out_(out) {}

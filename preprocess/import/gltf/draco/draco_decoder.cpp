@@ -37,7 +37,7 @@ uint64_t SizeOf(uint32_t component_type) {
 
 uint64_t DracoFacts::Attribute::value_bytes() const { return components * SizeOf(component_type); }
 
-/// The helper has ended; the result tells why.
+/// The helper has ended; the result is the reason.
 tl::unexpected<Error> DracoDecoder::Ended() {
   const int status = helper_.Wait();
   if (WIFEXITED(status) && WEXITSTATUS(status) == kNoLibrary)
