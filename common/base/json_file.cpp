@@ -134,7 +134,7 @@ class Builder : public nlohmann::json_sax<Json> {
 template <class Json>
 Result<Json> ParseJson(std::string_view text, const std::string& name, const JsonLimits& limits) {
   if (text.size() > limits.bytes)
-    return Fail(fmt::format("{}: is {} of JSON, and at most {} is read", name, FormatSize(text.size()),
+    return Fail(fmt::format("{}: has {} of JSON, and at most {} is read", name, FormatSize(text.size()),
                             FormatSize(limits.bytes)));
   Builder<Json> builder(limits);
   try {
@@ -149,7 +149,7 @@ template <class Json>
 Result<Json> ReadJsonFile(const std::string& path, const JsonLimits& limits) {
   QUARRY_ASSIGN(const InputFile file, InputFile::Open(path));
   if (file.size() > limits.bytes)
-    return Fail(fmt::format("{}: is {} of JSON, and at most {} is read", path, FormatSize(file.size()),
+    return Fail(fmt::format("{}: has {} of JSON, and at most {} is read", path, FormatSize(file.size()),
                             FormatSize(limits.bytes)));
   Bytes bytes(file.size());
   QUARRY_TRY(file.ReadAt(0, bytes));

@@ -21,9 +21,9 @@ enum class role_type;
 
 namespace quarry {
 
-/// The bytes of an accepted connection, plain or over TLS, as one type: Beast's templates are compiled once,
-/// not once for each of the two. An AsyncStream as Asio defines it. A time limit holds for reading and
-/// writing together, and ends them with beast::error::timeout. Used from the io_context's thread.
+/// The bytes of an accepted connection, plain or over TLS, as one type: so Beast's templates are compiled
+/// once instead of twice. An AsyncStream as Asio defines it. A time limit holds for reading and writing
+/// together, and ends them with beast::error::timeout. Used from the io_context's thread.
 class ServedStream {
  public:
   using ErrorCode = boost::system::error_code;

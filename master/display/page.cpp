@@ -59,7 +59,7 @@ HttpResponse Refused(int status, const std::string& sentence) {
 std::optional<HttpResponse> AnswerForAll(const HttpRequest& request, const Access& access) {
   if (NameOfPage(request.path) == "healthz") return HttpResponse{.body = "ok\n"};
   if (access.HostPermitted(request)) return std::nullopt;
-  // A person gets a page, with its looks.
+  // A browser gets a page, with its style sheet.
   const std::string name = NameOfPage(request.path);
   if (name == "style.css" || name == "icon.svg") return Page(name);
   if (name.empty() || name.ends_with(".html")) return Page("foreign.html", 403);

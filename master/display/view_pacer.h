@@ -46,8 +46,9 @@ struct DueFrame {
   double exposure = 0;
   double queue_s = 0, trace_s = 0;  ///< from the view's arrival to its first tile; from then on
   std::vector<PictureRows> rows;    ///< changed since the last frame; empty if exact
-  std::vector<uint32_t> exact;  ///< all means, as EncodeImage() takes them; empty unless the frame is exact
-  bool in_motion = false;       ///< more follows soon
+  std::vector<uint32_t>
+      exact;               ///< all mean colours, in EncodeImage()'s form; empty unless the frame is exact
+  bool in_motion = false;  ///< more follows soon
   std::vector<TracedBy> owners;
 };
 

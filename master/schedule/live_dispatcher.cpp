@@ -257,7 +257,7 @@ Result<std::optional<LiveTile>> LiveDispatcher::Finish(uint32_t worker, const Ti
   const LiveTile traced{done.frame, frame.viewer, area, worker, done.rays};
   const size_t points = size_t{area.columns()} * area.rows();
   if (pixel_bytes != points * BytesPerPoint(area.form, frame.view.aov_mask))
-    return Fail(fmt::format("a tile has {} bytes of pixels, which is not its size", pixel_bytes));
+    return Fail(fmt::format("a tile has {} bytes of pixels, which do not fit its size", pixel_bytes));
   for (const TileLease& held : frame.leases.Of(done.tile)) --workers_.at(held.worker).held;
   frame.leases.EndAll(done.tile);
   --frame.unfinished[static_cast<size_t>(tile->second.urgency)];

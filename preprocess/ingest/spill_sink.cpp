@@ -42,7 +42,7 @@ void WarnOfLoss(const std::vector<KdTriangle>& sample, const SceneCoordinates& c
   if (coarse * kOneOf < std::max<size_t>(sample.size(), 1) || coordinates.largest_loss() < largest / 4)
     return;
   tables.Warn(
-      fmt::format("{}: has small triangles far from the origin chosen for it: positions there are kept to "
+      fmt::format("{}: has small triangles far from its chosen origin: positions there are kept to "
                   "{:.2g} units; smaller "
                   "details are lost",
                   tables.file_name(), largest));

@@ -13,7 +13,7 @@ namespace {
 
 constexpr size_t kSmallestTable = 1 << 12;
 constexpr double kPi = 3.14159265358979323846;
-constexpr float kTurnedCosine = -0.5f;  // facets so far apart are two sides of a sheet, or of a spike
+constexpr float kTurnedCosine = -0.5f;  // facets at a larger angle are two sides of a sheet or spike
 // A sum that is this much smaller than its terms has no direction: the smoothing group closes on itself.
 constexpr float kLeastShare = 0.01f;
 // A normal within 0.15 degrees of its triangle's is left out: the difference is less than a grey level of 8

@@ -8,7 +8,7 @@ namespace quarry {
 /// look up. Requires: the view looks textures up.
 uint64_t StartLookups(PacketWork& work, uint64_t lanes);
 
-/// Looks textures up, each sample's one after the other: moves lanes from kTextures to kShade. Returns: the
+/// Looks textures up, for each sample one after the other: moves lanes from kTextures to kShade. Returns: the
 /// lanes that wait for a page.
 uint64_t LookUpTextures(PacketWork& work, uint64_t lanes);
 

@@ -40,7 +40,7 @@ struct FootprintPacket {
 };
 
 /// The texels of lookups, by trilinear interpolation between two levels.
-/// Units: `u`, `v` as the model has them; `lod`: see TextureLookups. A point of the image that is not finite,
+/// Units: `u`, `v` as in the model; `lod`: see TextureLookups. A point of the image that is not finite,
 /// or beyond 2^20 images, counts as (0, 0). Source: Williams 1983, "Pyramidal Parametrics".
 void MakeFootprints(const SurfaceTexture& texture, const TexturePyramid& pyramid,
                     const float (&u)[RayPacket::kRays], const float (&v)[RayPacket::kRays],

@@ -71,7 +71,7 @@ export function turntable(camera, upAxis) {
   return { heading: Math.atan2(dot(level, east), dot(level, north)), pitch };
 }
 
-/// Two level directions at right angles, from which headings count.
+/// Two horizontal directions at right angles, from which headings are measured.
 function compass(upAxis) {
   return upAxis === 'y' ? [[1, 0, 0], [0, 0, -1]] : [[1, 0, 0], [0, 1, 0]];
 }

@@ -20,7 +20,7 @@ export function fromWire(camera) {
   return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
 }
 
-/// The view as the server takes it.
+/// The view in the server's form.
 export function toWire(view) {
   const { fov, ortho, ...place } = view.camera;
   return { ...view, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };

@@ -110,8 +110,8 @@ class PlyBody {
     const std::string path = LibraryPath();
     struct stat info {};
     if (stat(path.c_str(), &info) != 0) {
-      sink_.Warn(fmt::format("{}: has material_index or part_index, but {} is not there; they are left out",
-                             path_, path));
+      sink_.Warn(fmt::format(
+          "{}: has material_index or part_index, but {} is not there, so they are left out", path_, path));
       return {};
     }
     QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
