@@ -22,7 +22,7 @@ def kinds_here(wanted):
     able = set(wanted)
     for kinds, why in (({"full-output", "full-spool"}, disk.why_not()), ({"clock"}, clock.why_not())):
         if why and able & kinds:
-            print(f"chaos: without {', '.join(sorted(able & kinds))}: {why}", file=sys.stderr)
+            print(f"chaos: left out: {', '.join(sorted(able & kinds))}: {why}", file=sys.stderr)
             able -= kinds
     return able
 
@@ -34,7 +34,7 @@ async def run_seed(stage, seed, able, keep, watched, undisturbed_s=None):
         print(json.dumps(result), flush=True)
         if run.wrong:
             again = f"tests/chaos/run --seeds {seed}{' --textured' * stage.textured}{' --viewer' * watched}"
-            print(f"--- seed {seed} went wrong; again: {again}\n{run.logs()}\n---", file=sys.stderr, flush=True)
+            print(f"--- seed {seed} failed; repeat it: {again}\n{run.logs()}\n---", file=sys.stderr, flush=True)
         return result
     finally:
         run.clean(keep)
@@ -87,7 +87,7 @@ def main():
             shutil.rmtree(folder)
     bad = [result["seed"] for result in results if result["result"] != "ok"]
     slowest = max(results, key=lambda result: result["seconds"])
-    print(f"chaos: {len(results) - len(bad)} of {len(results)} runs ended as they should, the slowest after {slowest['seconds']} s "
+    print(f"chaos: {len(results) - len(bad)} of {len(results)} runs were right, the slowest after {slowest['seconds']} s "
           f"(seed {slowest['seed']})" + (f"; wrong: {bad}" if bad else ""), file=sys.stderr)
     return 1 if bad else 0
 

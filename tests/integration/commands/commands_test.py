@@ -147,7 +147,7 @@ class KeptStores(Case):
                 went_on = True
                 break
         if not went_on:
-            self.skipTest("on this machine the model is done before anything of it is noted")
+            self.skipTest("on this machine the model is done before its first checkpoint")
 
     def test_two_commands_at_once_make_one_store(self):
         self.must("quarry-scene", "plant", "--triangles", 300000, "-o", self.path("plant.ply"), "--quiet")

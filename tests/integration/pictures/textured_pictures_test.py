@@ -115,7 +115,7 @@ class TexturedPictures(Case):
                              *(["--sun", "0.3,0.2,1"] if mode in ("shadow", "whitted") else []))
             cut, bars = (pixels_of(self.path(f"{name}.png")) for name in stores)
             unlike = sum(max(abs(a - b) for a, b in zip(p, q)) > 8 for r, s in zip(cut, bars) for p, q in zip(r, s))
-            print(f"cut-outs, {mode}: {unlike} of {320 * 240} pixels unlike", file=sys.stderr)
+            print(f"cut-outs, {mode}: {unlike} of {320 * 240} pixels differ", file=sys.stderr)
             self.assertLess(unlike, 40)
 
     def veil(self, name, texel, factor):
