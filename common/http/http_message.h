@@ -17,7 +17,7 @@ bool SplitTarget(std::string_view target, HttpRequest& request);
 /// ASCII letters in lower case.
 std::string LowerCase(std::string_view text);
 
-/// All headers of an answer but Content-Length and Connection. A header of the answer replaces a default
+/// All headers of an answer except Content-Length and Connection. A header of the answer replaces a default
 /// header of the same name. An answer that has a control character in a header is replaced first.
 std::vector<std::pair<std::string, std::string>> AnswerHeaders(HttpResponse& answer);
 

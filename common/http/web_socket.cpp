@@ -170,7 +170,7 @@ class StreamWebSocket final : public WebSocket,
                         [self = Self()](const ErrorCode&) { self->Finish({}); });
   }
 
-  /// Closes, and calls `on_close` if it is still set. `sentence`: as Sentence() gives it.
+  /// Closes, and calls `on_close` if it is still set. `sentence`: in the form of Sentence().
   void Finish(const std::string& sentence) {
     if (std::exchange(closed_, true)) return;
     deadline_.cancel();

@@ -95,7 +95,7 @@ BorderNormals::Border BorderNormals::Find(uint32_t region, const SpillFile& tria
   return border;
 }
 
-/// Sends the normals of a pass. A pass with too many is repeated in parts.
+/// Sends the normals of a pass. A pass with too many straddlers is repeated in parts.
 Status BorderNormals::SendAll(uint32_t region, const SpillFile& triangles, const HashShare& share,
                               const Border& border) {
   QUARRY_TRY(border.status);

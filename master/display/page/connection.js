@@ -12,7 +12,7 @@ const PROTOCOL = 1;
 const NO_WEB_SOCKETS = 'The server answers, but no live connection reaches it: a proxy or filter in between blocks WebSockets. '
   + 'The page keeps trying.';
 
-/// A connection that is kept up. `on` has the functions
+/// A connection that is opened again whenever it is lost. `on` has the functions
 ///   state(NAME, SENTENCE): 'connecting', 'open', 'lost', 'denied', 'refused' or 'outdated'
 ///   welcome(MESSAGE), message(MESSAGE), frame({header, images}, ACKNOWLEDGE)
 /// 'lost' is tried again by itself; 'denied', 'refused' and 'outdated' only by retry().
