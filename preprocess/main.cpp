@@ -313,7 +313,7 @@ int Main(int argc, char** argv) {
   app.add_option("--stats", texts.stats, "Write statistics as JSON to this file");
   app.add_flag("!--no-textures", options.textures, "Leave out the images that materials name");
   app.add_option("--checkpoint", options.checkpoint_seconds,
-                 "Seconds of building, about, that are done again by --resume after a kill")
+                 "About how many seconds of building --resume repeats after a kill")
       ->check(RealNumber(0, 86400))
       ->capture_default_str();
   app.add_option(
@@ -323,7 +323,8 @@ int Main(int argc, char** argv) {
   app.add_flag("--resume-if-fit", resume_if_fit)->group("");  // quarry render's
   app.add_flag(
       "--plan", plan,
-      "Print the counts of triangles and vertices, a range of disk space, memory and time; make nothing");
+      "Print the counts of triangles and vertices, the disk space and memory that a run takes, and about "
+      "its time; make nothing");
   app.add_flag("--quiet", options.quiet, "Print errors only");
   constexpr NoEffect kNoEffect[] = {{"--resume", "--plan"}};
   RefuseWithoutEffect(app, kNoEffect);
