@@ -71,10 +71,10 @@ void AddCacheCommands(CLI::App& c, CacheArguments& a) {
       "A model that is rendered is made into a store, which is kept in $QUARRY_CACHE_DIR, else "
       "$XDG_CACHE_HOME/quarry, else ~/.cache/quarry.\n"
       "Examples:\n  quarry cache list\n  quarry cache limit 20G\n  quarry cache clear");
-  auto* list = c.add_subcommand("list", "Tell which stores are kept, the least recently used first");
+  auto* list = c.add_subcommand("list", "List the kept stores, the least recently used first");
   list->add_flag("--json", a.json, "As JSON");
-  auto* limit =
-      c.add_subcommand("limit", "Tell or set the most bytes kept; the least recently used go first");
+  auto* limit = c.add_subcommand(
+      "limit", "Print or set the limit of bytes kept; the least recently used stores are removed first");
   limit->add_option("bytes", a.limit, "A size such as 20G, or none");
   c.add_subcommand("clear", "Remove all that is kept");
 }

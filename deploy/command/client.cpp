@@ -81,7 +81,7 @@ class Client {
       if (Status why = callbacks_.check(); !why) return End(std::move(why));
     if (std::exchange(welcomed_, false)) {
       lost_ = Clock::now();
-      callbacks_.say(fmt::format("lost the master, trying for {:.0f} s: {}", retry_s_, error.message));
+      callbacks_.say(fmt::format("lost the master, retrying for {:.0f} s: {}", retry_s_, error.message));
     }
     if (!was_welcomed_ || SecondsSince(lost_) > retry_s_) return End(ReasonFor(error));
     retry_.Set(0.3, [this] { Reach(); });

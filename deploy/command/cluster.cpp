@@ -258,10 +258,12 @@ void AddLocalClusterOptions(CLI::App& command, unsigned& workers, unsigned& thre
   command.add_option("--workers", workers, "Worker processes")
       ->check(WholeNumber(1, 256))
       ->capture_default_str();
-  command.add_option("--threads", threads, "Threads per worker (default: the processors shared out)")
+  command
+      .add_option("--threads", threads,
+                  "Threads per worker (default: the processors divided among the workers)")
       ->envname("QUARRY_THREADS")
       ->check(WholeNumber(1, 1024));
-  command.add_option("--cache", cache, "Decoded voxels held per worker")
+  command.add_option("--cache", cache, "Memory for decoded voxels, per worker")
       ->envname("QUARRY_CACHE")
       ->capture_default_str();
 }

@@ -13,22 +13,24 @@ struct Option {
   const char* help;
 };
 constexpr Option kOptions[] = {
-    {"--memory", &ImportArguments::memory, "Of a model: ceiling on the preprocessor's memory (default: 1G)"},
+    {"--memory", &ImportArguments::memory, "Limit of the preprocessor's memory (default: 1G)"},
     {"--crease", &ImportArguments::crease,
-     "Of a model: most degrees between triangles without normals that meet smoothly; 0: facets"},
+     "Largest angle in degrees at which triangles without normals are smoothed; 0: facets"},
     {"--deflection", &ImportArguments::deflection,
-     "Of a STEP or IGES model: LINEAR[,ANGLE], most distance of triangles from surfaces, and degrees between "
-     "neighbours"},
-    {"--scale", &ImportArguments::scale, "Of a model: factor on all coordinates"},
-    {"--voxel-size", &ImportArguments::voxel_size, "Of a model: most bytes of a decoded voxel's hot part"},
-    {"--tmp", &ImportArguments::tmp, "Of a model: folder for the preprocessor's spill files"},
-    {"--unpack-limit", &ImportArguments::unpack_limit, "Of a packed model: most bytes that it unpacks to"}};
+     "For STEP and IGES: LINEAR[,ANGLE], largest distance of triangles from surfaces, and largest angle "
+     "between neighbours in degrees"},
+    {"--scale", &ImportArguments::scale, "Factor on all coordinates"},
+    {"--voxel-size", &ImportArguments::voxel_size, "Largest size of a decoded voxel's hot part"},
+    {"--tmp", &ImportArguments::tmp, "Folder for the preprocessor's spill files"},
+    {"--unpack-limit", &ImportArguments::unpack_limit, "Largest unpacked size of a packed model"}};
+constexpr const char* kGroup = "For a model that is preprocessed first";
 
 }  // namespace
 
 void AddImportOptions(CLI::App& command, ImportArguments& a) {
-  for (const Option& option : kOptions) command.add_option(option.flag, a.*option.value, option.help);
-  command.add_flag("--no-textures", a.no_textures, "Of a model: leave out the images that materials name");
+  for (const Option& option : kOptions)
+    command.add_option(option.flag, a.*option.value, option.help)->group(kGroup);
+  command.add_flag("--no-textures", a.no_textures, "Leave out the images that materials name")->group(kGroup);
 }
 
 std::vector<std::string> Flags(const ImportArguments& a) {

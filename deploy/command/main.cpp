@@ -128,7 +128,7 @@ int Main(int argc, char** argv) {
       "  quarry bench import plant.ply");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry", InstructionSets()); },
-      "Tell version, build, instruction set and libraries, and exit");
+      "Print version, build, instruction set and libraries, and exit");
   app.require_subcommand(1);
   RenderArguments render;
   AddRenderOptions(*app.add_subcommand("render", "Render a picture, or a path of them"), render);
@@ -151,12 +151,12 @@ int Main(int argc, char** argv) {
   verify->add_flag("--quiet", quiet, "Print errors only");
   std::string master;
   SecurityOptions security;
-  auto* cluster = app.add_subcommand("status", "Tell of a cluster's workers, jobs and rates");
+  auto* cluster = app.add_subcommand("status", "Print a cluster's workers, jobs and rates");
   cluster->add_option("--master", master, "The master's HOST:PORT")->envname("QUARRY_MASTER")->required();
   cluster->add_flag("--json", json, "As JSON");
   AddSecurityOptions(*cluster, security);
   CacheArguments cache;
-  auto* cache_command = app.add_subcommand("cache", "Stores that are kept of models: list, limit, clear");
+  auto* cache_command = app.add_subcommand("cache", "List, limit or remove the kept stores of models");
   AddCacheCommands(*cache_command, cache);
   ClusterArguments cluster_arguments;
   AddClusterCommandOptions(

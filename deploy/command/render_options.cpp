@@ -241,25 +241,27 @@ Status PlaceCameras(const RenderArguments& a, const SceneSummary& scene, RenderJ
 }
 
 void AddViewOptions(CLI::App& c, RenderArguments& a) {
-  c.add_option("--view", a.view,
-               "iso, top, front, back, left, right or inside; or a view's FILE.json (default: iso, a room "
-               "from inside)");
+  c.add_option(
+      "--view", a.view,
+      "iso, top, front, back, left, right or inside; or a view's FILE.json (default: iso; inside for "
+      "a room)");
   c.add_option("--fit", a.fit, "Share of the picture left free at each side by --view")
       ->check(RealNumber(0, 0.45))
       ->capture_default_str();
-  c.add_option("--turntable", a.turntable, "Pictures on a circle around the model; writes out.####.png")
+  c.add_option("--turntable", a.turntable,
+               "Number of pictures on a circle around the model; writes out.####.png")
       ->check(WholeNumber(1, 10000));
   c.add_option("--up-axis", a.up_axis, "y or z (default: the store's)");
   c.add_option("--eye", a.eye, "Camera position x,y,z (default: frames the model)");
-  c.add_option("--at", a.at, "Point looked at x,y,z");
+  c.add_option("--at", a.at, "Point that the camera looks at: x,y,z");
   c.add_option("--up", a.up, "Up vector x,y,z");
   c.add_option("--fov", a.fov, "Vertical field of view in degrees")
       ->check(RealNumber(0, 179))
       ->capture_default_str();
-  c.add_option("--ortho", a.ortho, "Orthographic, this high in scene units")
+  c.add_option("--ortho", a.ortho, "Orthographic camera; its height in scene units")
       ->check(RealNumber(0, std::numeric_limits<double>::max()));
-  c.add_option("--camera-path", a.camera_path, "Camera path; writes out.####.png");
-  c.add_option("--camera", a.camera, "The camera of that name that the model brings (see quarry info)")
+  c.add_option("--camera-path", a.camera_path, "Camera path as JSON; writes out.####.png");
+  c.add_option("--camera", a.camera, "A camera of the model, by its name (see quarry info)")
       ->excludes("--camera-path");
   c.add_option("--frames", a.frames, "Frames A-B of the path");
   c.add_option("--write-view", a.write_view, "Write the (first) picture's view to this file, for --view");
@@ -287,7 +289,7 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--ao-samples", a.ao_samples, "Occlusion rays per sample")
       ->check(WholeNumber(1, kMaxAoSamples))
       ->capture_default_str();
-  c.add_option("--sun", a.sun, "Direction toward the sun x,y,z");
+  c.add_option("--sun", a.sun, "Direction toward the sun: x,y,z");
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
   c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
       ->check(RealNumber(-100, 100));
@@ -297,25 +299,35 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
 }  // namespace
 
 void AddRenderOptions(CLI::App& c, RenderArguments& a) {
+  // --help shows the options in groups: each has those that were added since the group before.
+  const auto group = [&c](const char* name) {
+    for (CLI::Option* option : c.get_options())
+      if (option->get_group() == "Options" && !option->get_positional() && option->get_name() != "--help")
+        option->group(name);
+  };
   c.add_option("scene", a.scene,
-               "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model to be preprocessed "
-               "first; none: the scene of --master");
+               "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model, which is preprocessed "
+               "first. Without it: the scene of --master");
   c.add_option("-o,--output", a.output, "The picture: .png or .exr")->required();
-  c.add_flag("--force", a.force, "Replace outputs of other kinds; a file that is read is never replaced");
-  AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--size", a.size, "Width x height in pixels")->capture_default_str();
   c.add_option("--crop", a.crop, "Only this part: x,y,w,h");
-  AddViewOptions(c, a);
   AddPictureOptions(c, a);
-  c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
+  group("Picture");
+  AddViewOptions(c, a);
+  group("Camera");
+  AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
+  group("Cluster");
   c.add_option("--master", a.master, "Use the cluster of the master at HOST:PORT")->envname("QUARRY_MASTER");
-  c.add_option("--retry", a.retry_s, "Seconds for which a lost master or a full disk is tried again")
+  c.add_option("--retry", a.retry_s, "Seconds to retry a lost master or a full disk")
       ->check(RealNumber(0, 1e6))
       ->capture_default_str();
   AddSecurityOptions(c, a.security);
   AddRemoteOptions(c, a.remote);
-  AddImportOptions(c, a.import);
+  c.add_flag("--force", a.force, "Replace outputs of other kinds too, but never an input");
+  c.add_option("--stats", a.stats, "Write statistics as JSON to this file");
   c.add_flag("--quiet", a.quiet, "Print errors only");
+  group("Remote and safety");
+  AddImportOptions(c, a.import);
   static constexpr NoEffect kNoEffect[] = {
       {"--eye", "--camera-path"},  {"--at", "--camera-path"},    {"--up", "--camera-path"},
       {"--fov", "--camera-path"},  {"--ortho", "--camera-path"}, {"--camera", "--camera-path"},

@@ -158,22 +158,22 @@ void TellFailure(const std::string& progress_file) {
 void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
   c.add_option(
        "scene", a.scene,
-       "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model to be preprocessed first")
+       "A scene store (a file, or https://... or s3://BUCKET/KEY), or a model, which is preprocessed first")
       ->required();
   c.add_option(
        "--http", a.http,
        "HOST:PORT of the page (default: a free port of this machine, 8080 first; beyond loopback with "
        "--tls-cert and --tls-key)")
       ->envname("QUARRY_HTTP");
-  c.add_option("--viewer-url", a.viewer_urls, "The address by which browsers come to it through a proxy");
+  c.add_option("--viewer-url", a.viewer_urls, "The address at which browsers reach the page through a proxy");
   AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--up-axis", a.up_axis, "y or z (default: the store's); nothing is preprocessed again")
       ->check(CLI::IsMember({"y", "z"}));
   c.add_option("--view-memory", a.view_memory,
                "Memory limit of all views together; a viewer that needs more is refused")
       ->capture_default_str();
-  c.add_option("--tls-cert", a.tls_cert, "Certificate toward browsers, PEM");
-  c.add_option("--tls-key", a.tls_key, "Its private key, PEM");
+  c.add_option("--tls-cert", a.tls_cert, "Certificate for browsers, PEM");
+  c.add_option("--tls-key", a.tls_key, "Private key of --tls-cert, PEM");
   AddRemoteOptions(c, a.remote);
   AddImportOptions(c, a.import);
   c.add_flag("--open", a.open, "Open the page in a browser");
