@@ -44,9 +44,9 @@ Status ImportStage::Restore() {
     file.changed_ns = in.Get<int64_t>();
     file.status_changed_ns = in.Get<int64_t>();
     if (in.ok() && !RestoreModelFile(file))
-      return CannotResume(fmt::format("{}: has changed since the run was begun", file.path));
+      return CannotResume(fmt::format("{}: has changed since the run began", file.path));
   }
-  progress_.Say(fmt::format("going on with {}", work_.path()));
+  progress_.Say(fmt::format("continuing {}", work_.path()));
   restored_ = true;
   return sink_.Restore(in.GetSpan(in.remaining()), routed);
 }

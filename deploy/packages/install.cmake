@@ -27,7 +27,7 @@ set(BINDIR ${CMAKE_INSTALL_BINDIR})" COMPONENT services)
 install(SCRIPT ${CMAKE_SOURCE_DIR}/deploy/systemd/install.cmake COMPONENT services)
 
 # The folders of the sources, so that the pages' links to each other lead somewhere.
-foreach(page README.md deploy/README.md deploy/MANUAL.md deploy/FILES.md deploy/LIVE_VIEW.md deploy/PICTURES.md deploy/SOURCES.md deploy/packages/README.md
+foreach(page README.md deploy/README.md deploy/MANUAL.md deploy/FILES.md deploy/LIBRARIES.md deploy/LIVE_VIEW.md deploy/PICTURES.md deploy/SOURCES.md deploy/packages/README.md
         deploy/systemd/README.md preprocess/README.md preprocess/import/README.md preprocess/import/cad/README.md preprocess/import/gltf/README.md preprocess/import/threemf/README.md)
   get_filename_component(folder ${page} DIRECTORY)
   install(FILES ${CMAKE_SOURCE_DIR}/${page} DESTINATION ${CMAKE_INSTALL_DOCDIR}/${folder} COMPONENT documentation)

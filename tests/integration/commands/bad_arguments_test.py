@@ -42,9 +42,9 @@ class BadJson(Case):
                 ("{}", "'lights' is missing"), ('{"lights": {}}', "lights: must be a list"), ('{"lights": [7]}', r"lights\[0\]: must be an object"),
                 ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: must be a text"), ('{"lights": [{"type": "moon"}]}', "must be sun or point"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1]}]}', r"lights\[0\]: 'radiance' is missing"),
-                ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: three numbers from 0 to 3.4e\+38 should"),
+                ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: must be three numbers from 0 to 3.4e\+38"),
                 ('{"lights": [], "ambient": [1, 1, 1e999]}', r"ambient\[2\] is the number 1e999"),
-                ('{"lights": [], "background": "blue"}', "background: three numbers")):
+                ('{"lights": [], "background": "blue"}', "background: must be three numbers")):
             self.refuse("--lights", text, sentence)
 
     def test_files_that_block_a_reader(self):

@@ -130,7 +130,7 @@ class Outputs(Case):
         self.must("quarry-preprocess", self.model, "-o", photo, "--force", "--quiet")
         self.must("quarry", "verify", photo, "--quiet")
         trace = self.put("trace")
-        self.refused([trace], "is not a trace", "quarry-master", photo, "--listen", "127.0.0.1:0", "--trace", trace)
+        self.refused([trace], "is not a tile trace", "quarry-master", photo, "--listen", "127.0.0.1:0", "--trace", trace)
 
     def test_an_empty_file_and_statistics_are_replaced(self):
         open(self.path("new.quarry"), "w").close()

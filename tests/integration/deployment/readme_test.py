@@ -70,8 +70,9 @@ class Readme(Case):
                     self.look_at_page(self.start_line(last.strip(), copy, path))
                 elif line.startswith("export PATH="):
                     path = self.run_line(f"{line}; printf %s \"$PATH\"", copy, path).stdout
-                elif line.startswith("quarry view"):
-                    self.look_at_page(self.start_line(line, copy, path))
+                elif "quarry view" in line:
+                    if WHOLE or "quickstart" not in line:
+                        self.look_at_page(self.start_line(line, copy, path))
                 elif line.startswith(LASTING):
                     lasting.append(self.start_line(line, copy, path))
                     if "master" in line.split()[1]:

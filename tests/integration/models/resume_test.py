@@ -95,8 +95,8 @@ class Resume(Case):
                 again = self.start("--resume")
                 told = again.communicate()[1]
                 self.assertEqual(again.returncode, 0, told)
-                # The import is one piece of work: killed in it, a run begins anew.
-                self.assertIn("beginning anew" if phase == "import" else "going on with", told)
+                # The import is one piece of work: a run that is killed in it begins anew.
+                self.assertIn("starting from the beginning" if phase == "import" else "continuing", told)
                 self.must_be(whole)
 
     def test_a_kill_before_cleanup(self):
@@ -127,7 +127,7 @@ class Resume(Case):
         self.must_fail(1, r"plant\.quarry\.work: was begun with \"--scale 1\", now \"--scale 2\"", "quarry-preprocess", self.model,
                        "-o", self.store, "--resume", "--scale", 2)
         os.utime(self.model, (1, 1))
-        self.must_fail(1, r"plant\.ply: has changed since the run was begun; begin anew without --resume", "quarry-preprocess", self.model,
+        self.must_fail(1, r"plant\.ply: has changed since the run began; start again without --resume", "quarry-preprocess", self.model,
                        "-o", self.store, "--resume")
         self.make(1000, model=self.path("other.ply"))
         self.must_fail(1, "was begun with other models", "quarry-preprocess", self.path("other.ply"), "-o", self.store, "--resume")

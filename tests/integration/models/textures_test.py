@@ -522,7 +522,7 @@ class Resumed(Case):
     def test_a_changed_image_is_not_continued(self):
         self.killed("carrying 8 images: 10 %")
         os.utime(self.path("5.png"), (1, 1))
-        self.must_fail(1, r"5\.png: has changed since the run was begun", "quarry-preprocess", self.model, "-o", self.store,
+        self.must_fail(1, r"5\.png: has changed since the run began", "quarry-preprocess", self.model, "-o", self.store,
                        "--memory", "64M", "--resume")
         self.must_fail(1, r"was begun with .*--no-textures", "quarry-preprocess", self.model, "-o",
                        self.store, "--memory", "64M", "--resume", "--no-textures")

@@ -108,7 +108,7 @@ TEST_CASE("OBJ: a missing image is one warning, and the material has no texture"
       folder.Write("a.obj", std::string("mtllib a.mtl\n") + kTriangle + "usemtl m\nf 1 2 3\n"), sink));
   REQUIRE(sink.warnings.size() == 1);
   CHECK(sink.warnings[0] ==
-        folder.file("a.mtl") + ", line 4: the image \"gone.png\" is not there; the material does without");
+        folder.file("a.mtl") + ", line 4: the image \"gone.png\" is not there; the material does without it");
   REQUIRE(sink.materials.size() == 1);
   CHECK(sink.materials[0].textures.empty());
   CHECK(sink.materials[0].diffuse == glm::vec3(1, 0, 0));

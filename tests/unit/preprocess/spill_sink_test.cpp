@@ -215,7 +215,7 @@ TEST_CASE("A saved import is refused when its files are gone or damaged") {
   const auto refused = [&](std::span<const std::byte> state) {
     SpillSink sink = MakeSink(folder, 1 << 20);
     const Status status = sink.Restore(state, false);
-    return !status && status.error().message.find("begin anew without --resume") != std::string::npos;
+    return !status && status.error().message.find("start again without --resume") != std::string::npos;
   };
   CHECK_FALSE(refused(saved));
   CHECK(refused(std::span(saved).first(saved.size() - 1)));
