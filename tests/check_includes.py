@@ -16,7 +16,7 @@ MAY_INCLUDE = {
 # Inside folders: includes that files under a path must not have, and the reasons.
 MUST_NOT = [
     ("common/kdtree/", r"boost/|openssl/|cuda|common/net/|common/protocol/", "kernels use no network and no CUDA header"),
-    ("(?!common/kdtree/variants/|tests/)", r"common/kdtree/variants/", "programs never link the variants: only tests and benches include them"),
+    ("(?!common/kdtree/gpu/|tests/)", r"common/kdtree/gpu/", "no program renders on a GPU yet: only tests and benches include its kernels"),
     ("common/kdtree/build/", r"common/kdtree/(trace/|kernels)", "building a tree needs no kernel"),
     ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
     ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
@@ -44,9 +44,9 @@ MUST_NOT = [
     ("worker/", r"OpenImageIO|assimp|draco/|meshoptimizer|\.hxx", "large libraries stay out of the worker"),
     ("(?!preprocess/import/cad/open_cascade/|tests/integration/models/cad_)", r"\.hxx", "only quarry-import-cad and its test link Open CASCADE"),
     ("tests/support/", r"tests/(?!support/)", "shared code of tests does not depend on single folders"),
-    ("tests/bench/", r"tests/(unit|reference|golden|integration|laboratory)/", "programs that measure need no test"),
-    ("tests/laboratory/structures/", r"tests/laboratory/(lanes|gpu|machine|costs|tables|page)/", "structures do not depend on their runners"),
-    ("tests/laboratory/(lanes|gpu|machine|costs)/", r"tests/laboratory/(tables|page)/", "measured code does not depend on the tables"),
+    ("tests/bench/", r"tests/(unit|reference|golden|integration|laboratory/(?!variants/))", "programs that measure need no test"),
+    ("tests/laboratory/structures/", r"tests/laboratory/(variants|gpu|machine|tables|page)/", "structures do not depend on their runners"),
+    ("tests/laboratory/(variants|gpu|machine)/", r"tests/laboratory/(tables|page)/", "measured code does not depend on the tables"),
 ]
 # Asio, Beast and OpenImageIO take seconds a file: they stay out of headers altogether.
 HEAVY = re.compile(r"boost/asio|boost/beast|boost/process|OpenImageIO|nlohmann/json\.hpp|flatbuffers|CLI/")

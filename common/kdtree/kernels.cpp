@@ -25,26 +25,25 @@ uint32_t CountRays(const uint64_t* active, uint32_t count) {
   });
 }
 
-}  // namespace
-
-std::vector<Kernel> SupportedKernels(size_t count, FillFunction avx512, FillFunction avx2,
-                                     FillFunction scalar) {
+/// The kernels that this processor and QUARRY_ISA allow.
+std::vector<Kernel> SupportedKernels() {
   std::vector<Kernel> all;
   const char* only = std::getenv("QUARRY_ISA");
   const auto add = [&](std::string_view isa, FillFunction fill) {
     if (only && only != isa) return;
-    all.resize(all.size() + count);
-    fill(all.data() + all.size() - count);
+    all.resize(all.size() + kKernelsPerIsa);
+    fill(all.data() + all.size() - kKernelsPerIsa);
   };
-  if ((hwy::SupportedTargets() & HWY_AVX3) != 0) add("avx512", avx512);
-  add("avx2", avx2);
-  add("scalar", scalar);
+  if ((hwy::SupportedTargets() & HWY_AVX3) != 0) add("avx512", FillAvx512Kernels);
+  add("avx2", FillAvx2Kernels);
+  add("scalar", FillScalarKernels);
   return all;
 }
 
+}  // namespace
+
 std::span<const Kernel> Kernels() {
-  static const std::vector<Kernel> kernels =
-      SupportedKernels(kKernelsPerIsa, FillAvx512Kernels, FillAvx2Kernels, FillScalarKernels);
+  static const std::vector<Kernel> kernels = SupportedKernels();
   return kernels;
 }
 

@@ -16,19 +16,9 @@ namespace quarry {
 /// How rays share work.
 enum class Grouping {
   kWidePacket,  ///< 64 rays share a wide node; for coherent rays
-  kPacket,      ///< 64 rays share a node of the kd-tree; a variant
   kStream,      ///< thousands of rays share a wide node; each ray is tested against its eight cells
   kWide,        ///< single rays through wide nodes, several in step
-  kSimt,        ///< each lane follows its own ray; a variant
-  kSingle,      ///< single rays through nodes of the kd-tree; a variant
-  kSteps,       ///< the same in steps, as a GPU's threads go; a variant
-  kWarp,        ///< 32 rays that take like steps together, as a GPU's warps go; a variant
-  kWideSteps,   ///< kSteps through wide nodes; a variant
-  kWideWarp,    ///< kWarp through wide nodes; a variant
 };
-
-/// How the next leaf is found. The first three differ only in the layout of trees (LayOutTreelets).
-enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 
 /// Traces rays through the two-level tree. Each ray continues at its t.
 /// Units: positions in scene units; t in multiples of |direction|.
@@ -39,7 +29,7 @@ enum class Algorithm { kRestart, kBacktrack, kTreelets, kPushDown, kRopes };
 /// ray's bound. Any-hit functions find some hit after it that counts, and set only its `triangle`
 /// and `hit_t`; they note in `see_through` the rays that have met see-through triangles. Hits in holes that
 /// masks know are no hits (EffectOf).
-/// Requires: data checked at decode; trees laid out as the kernel's algorithm requires.
+/// Requires: data checked at decode.
 /// Errors: none. Never blocks, locks or logs. Allocates only for a thread's first streams (StreamMemory).
 /// Thread-safe.
 /// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is an addition.
@@ -55,14 +45,17 @@ using CoherentTraceFunction = void (*)(const TopTree& top, const VoxelFinder& fi
 using CountedTraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                       const uint64_t* active, uint32_t count, TraceStatistics& statistics);
 
-/// A kernel for an instruction set.
-struct Kernel {
-  std::string_view isa;  ///< "scalar", "avx2", "avx512"
-  Grouping grouping;
-  Algorithm algorithm;
+/// The functions of a kernel.
+struct KernelFunctions {
   TraceFunction closest, any;
   CountedTraceFunction counted_closest, counted_any;
   CoherentTraceFunction coherent_closest, coherent_any;  ///< of wide packets and streams; else null
+};
+
+/// A kernel for an instruction set.
+struct Kernel : KernelFunctions {
+  std::string_view isa;  ///< "scalar", "avx2", "avx512"
+  Grouping grouping;
 };
 
 /// The kernels that renders use and this processor can run, the widest vectors first. The environment
@@ -71,7 +64,7 @@ struct Kernel {
 std::span<const Kernel> Kernels();
 
 /// The first of Kernels() for this grouping: the one with the widest vectors.
-/// Requires: a grouping that renders use; Kernels() is not empty. Thread-safe.
+/// Requires: Kernels() is not empty. Thread-safe.
 const Kernel& BestKernel(Grouping grouping);
 
 /// Traces rays as a TraceFunction does and chooses the kernel for each ray: packets for coherent rays, a

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "common/kdtree/node.h"
 #include "common/math/host_device.h"
 
 namespace quarry {
@@ -53,10 +52,6 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static Mask HasBits(Int a, uint32_t bits) { return (a & bits) == bits; }
   QUARRY_HOST_DEVICE static Int Iota() { return 0; }  ///< the lanes' numbers
   QUARRY_HOST_DEVICE static Int AddInt(Int a, Int b) { return a + b; }
-  template <int kBits>
-  QUARRY_HOST_DEVICE static Int ShiftRight(Int a) {
-    return a >> kBits;
-  }
 
   QUARRY_HOST_DEVICE static Mask And(Mask a, Mask b) { return a && b; }
   QUARRY_HOST_DEVICE static Mask Or(Mask a, Mask b) { return a || b; }
@@ -95,11 +90,6 @@ struct ScalarLane {
   QUARRY_HOST_DEVICE static void Prefetch(const void*, size_t) {}
   /// Prefetches into the second-level cache: for long data, or data needed later.
   QUARRY_HOST_DEVICE static void PrefetchFar(const void*, size_t) {}
-  /// The nodes at `at[lane]`, as payloads and links.
-  QUARRY_HOST_DEVICE static void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
-    payload = at[0]->payload;
-    link = at[0]->link;
-  }
   /// The four floats from `first` on at each `at[lane]`.
   QUARRY_HOST_DEVICE static void Gather4(const float* const* at, uint32_t first, Float& x, Float& y, Float& z,
                                          Float& w) {

@@ -8,8 +8,6 @@
 
 #include <cstdint>
 
-#include "common/kdtree/node.h"
-
 // The only file that uses Highway. A source file that includes it is compiled for one instruction set
 // (-march) and instantiates the kernels for it. The types below are in the namespace of that target, so that
 // a program can hold instances for several targets.
@@ -68,10 +66,6 @@ struct SimdLanes {
   }
   static HWY_INLINE Int Iota() { return hn::Iota(IntTag(), 0); }
   static HWY_INLINE Int AddInt(Int a, Int b) { return a + b; }
-  template <int kBits>
-  static HWY_INLINE Int ShiftRight(Int a) {
-    return hn::ShiftRight<kBits>(a);
-  }
 
   static HWY_INLINE Mask And(Mask a, Mask b) { return hn::And(a, b); }
   static HWY_INLINE Mask Or(Mask a, Mask b) { return hn::Or(a, b); }
@@ -112,22 +106,6 @@ struct SimdLanes {
   }
 
  private:
-  static HWY_INLINE auto Pair(const KdNode* const* at) {
-    const hn::FixedTag<uint64_t, 1> one;
-    const auto word = [](const KdNode* n) { return reinterpret_cast<const uint64_t*>(n); };
-    return hn::Combine(hn::FixedTag<uint64_t, 2>(), hn::Load(one, word(at[1])), hn::Load(one, word(at[0])));
-  }
-  static HWY_INLINE auto Quad(const KdNode* const* at) {
-    return hn::Combine(hn::FixedTag<uint64_t, 4>(), Pair(at + 2), Pair(at));
-  }
-  /// kLanes / 2 whole nodes.
-  template <uint32_t kNodes = kLanes / 2>
-  static HWY_INLINE auto Words(const KdNode* const* at) {
-    if constexpr (kNodes == 8)
-      return hn::Combine(hn::FixedTag<uint64_t, kNodes>(), Quad(at + 4), Quad(at));
-    else
-      return Quad(at);
-  }
   static HWY_INLINE auto BlockPair(const float* low, const float* high) {
     const hn::FixedTag<float, 4> four;
     return hn::Combine(hn::FixedTag<float, 8>(), hn::LoadU(four, high), hn::LoadU(four, low));
@@ -177,11 +155,6 @@ struct SimdLanes {
   }
   static HWY_INLINE float Least(Float x) { return hn::GetLane(hn::MinOfLanes(FloatTag(), x)); }
   /// Single loads are faster than gathers where microcode slows gathers down (tests/bench/history/kdtree.md).
-  static HWY_INLINE void GatherNodes(const KdNode* const* at, Int& payload, Int& link) {
-    const auto low = hn::BitCast(IntTag(), Words(at)), high = hn::BitCast(IntTag(), Words(at + kLanes / 2));
-    payload = hn::ConcatEven(IntTag(), high, low);
-    link = hn::ConcatOdd(IntTag(), high, low);
-  }
   static HWY_INLINE void Gather4(const float* const* at, uint32_t first, Float& x, Float& y, Float& z,
                                  Float& w) {
     Transpose(Blocks(at, first), Blocks(at + 1, first), Blocks(at + 2, first), Blocks(at + 3, first), x, y, z,

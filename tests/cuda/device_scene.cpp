@@ -1,76 +1,52 @@
 #include <algorithm>
+#include <functional>
 
 #include "tests/cuda/trace_cuda.h"
 
 namespace quarry::cuda {
 namespace {
 
-/// Device memory that is filled piece by piece, each aligned for every type.
+/// Arrays on their way to device memory, each aligned for every type.
 class Arena {
  public:
-  /// Makes room for `count` values; returns their place.
+  /// Takes an array. Upload() makes `pointer` its address on the device; null for none.
   template <class T>
-  size_t Add(const T* values, size_t count) {
-    if (!values || count == 0) return kNone;
+  void Take(const T*& pointer, size_t count) {
+    const T* const values = std::exchange(pointer, nullptr);
+    if (!values || count == 0) return;
     const size_t place = staging_.size();
     const auto* bytes = reinterpret_cast<const std::byte*>(values);
     staging_.insert(staging_.end(), bytes, bytes + count * sizeof(T));
     // A corner may be read as four floats: the next piece begins behind it.
     staging_.resize((staging_.size() + sizeof(float) + kAlignment - 1) / kAlignment * kAlignment);
-    return place;
+    places_.push_back(
+        [&pointer, place](const std::byte* base) { pointer = reinterpret_cast<const T*>(base + place); });
   }
   Result<DeviceMemory> Upload() const {
     QUARRY_ASSIGN(DeviceMemory memory, DeviceMemory::Allocate(std::max<size_t>(staging_.size(), kAlignment)));
     QUARRY_TRY(memory.Write(0, staging_));
+    for (const auto& place : places_) place(static_cast<const std::byte*>(memory.get()));
     return memory;
   }
   size_t size() const { return staging_.size(); }
 
-  /// Makes `pointer` the address of a piece in `memory`.
-  template <class T>
-  static void Place(const DeviceMemory& memory, size_t place, const T*& pointer) {
-    const auto* base = static_cast<const std::byte*>(memory.get());
-    pointer = place == kNone ? nullptr : reinterpret_cast<const T*>(base + place);
-  }
-
  private:
-  static constexpr size_t kNone = SIZE_MAX, kAlignment = 256;
+  static constexpr size_t kAlignment = 256;
   std::vector<std::byte> staging_;
+  std::vector<std::function<void(const std::byte*)>> places_;
 };
-
-/// The places of a voxel's arrays in an arena.
-struct VoxelPlaces {
-  size_t nodes, references, corners, vertices, triangle_ids, materials, parts, masks, wide;
-};
-
-VoxelPlaces AddVoxel(Arena& arena, const HostVoxel& voxel) {
-  const VoxelGeometry& g = *voxel.geometry;
-  return {arena.Add(g.nodes, voxel.node_slots),
-          arena.Add(g.references, g.reference_count),
-          arena.Add(g.corners, size_t{3} * g.triangle_count),
-          arena.Add(g.vertices, g.vertex_count),
-          arena.Add(g.triangle_ids, g.triangle_count),
-          arena.Add(g.materials, g.triangle_count),
-          arena.Add(g.parts, g.triangle_count),
-          arena.Add(g.masks, g.triangle_count),
-          arena.Add(g.wide, g.wide_count)};
-}
 
 }  // namespace
 
 Result<DeviceScene> DeviceScene::Make(const HostTop& top) {
   DeviceScene scene;
   Arena arena;
-  const size_t nodes = arena.Add(top.top.nodes, top.node_slots),
-               wide = arena.Add(top.top.wide, top.wide_nodes),
-               chains = arena.Add(top.top.chain_end, top.voxels),
-               bounds = arena.Add(top.top.bounds, top.voxels);
-  QUARRY_ASSIGN(DeviceMemory memory, arena.Upload());
   scene.top_ = top.top;
-  Arena::Place(memory, nodes, scene.top_.nodes);
-  Arena::Place(memory, wide, scene.top_.wide);
-  Arena::Place(memory, chains, scene.top_.chain_end);
-  Arena::Place(memory, bounds, scene.top_.bounds);
+  arena.Take(scene.top_.nodes, top.node_slots);
+  arena.Take(scene.top_.wide, top.wide_nodes);
+  arena.Take(scene.top_.chain_end, top.voxels);
+  arena.Take(scene.top_.bounds, top.voxels);
+  QUARRY_ASSIGN(DeviceMemory memory, arena.Upload());
   scene.arenas_.push_back(std::move(memory));
   scene.uploaded_.resize(top.voxels);
   QUARRY_ASSIGN(scene.table_, DeviceMemory::Allocate(std::max(top.voxels, 1u) * sizeof(VoxelGeometry)));
@@ -81,22 +57,19 @@ Result<DeviceScene> DeviceScene::Make(const HostTop& top) {
 
 Status DeviceScene::Upload(std::span<const HostVoxel> voxels) {
   Arena arena;
-  std::vector<VoxelPlaces> places;
-  for (const HostVoxel& voxel : voxels) places.push_back(AddVoxel(arena, voxel));
-  QUARRY_ASSIGN(DeviceMemory memory, arena.Upload());
-  for (size_t i = 0; i < voxels.size(); ++i) {
-    VoxelGeometry& g = uploaded_[voxels[i].id];
-    g = *voxels[i].geometry;
-    Arena::Place(memory, places[i].nodes, g.nodes);
-    Arena::Place(memory, places[i].references, g.references);
-    Arena::Place(memory, places[i].corners, g.corners);
-    Arena::Place(memory, places[i].vertices, g.vertices);
-    Arena::Place(memory, places[i].triangle_ids, g.triangle_ids);
-    Arena::Place(memory, places[i].materials, g.materials);
-    Arena::Place(memory, places[i].parts, g.parts);
-    Arena::Place(memory, places[i].masks, g.masks);
-    Arena::Place(memory, places[i].wide, g.wide);
+  for (const HostVoxel& voxel : voxels) {
+    VoxelGeometry& g = uploaded_[voxel.id] = *voxel.geometry;
+    arena.Take(g.nodes, voxel.node_slots);
+    arena.Take(g.references, g.reference_count);
+    arena.Take(g.corners, size_t{3} * g.triangle_count);
+    arena.Take(g.vertices, g.vertex_count);
+    arena.Take(g.triangle_ids, g.triangle_count);
+    arena.Take(g.materials, g.triangle_count);
+    arena.Take(g.parts, g.triangle_count);
+    arena.Take(g.masks, g.triangle_count);
+    arena.Take(g.wide, g.wide_count);
   }
+  QUARRY_ASSIGN(DeviceMemory memory, arena.Upload());
   arenas_.push_back(std::move(memory));
   bytes_ += arena.size();
   return table_.Write(0, std::as_bytes(std::span(uploaded_)));

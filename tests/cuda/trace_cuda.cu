@@ -1,7 +1,5 @@
 #include <algorithm>
 
-#include "common/kdtree/variants/brute_force_trace.h"
-#include "common/kdtree/variants/single_trace.h"
 #include "tests/cuda/launch.cuh"
 #include "tests/cuda/trace_cuda.h"
 
@@ -10,15 +8,7 @@ namespace {
 
 using Kernel = void (*)(TopTree, VoxelTable, RayList, uint32_t*, WarpLimits);
 
-// The kernels: a thread finds its ray. All else is in common/kdtree/variants.
-
-template <Way kWay, bool kAnyHit>
-__global__ void __launch_bounds__(kBlockThreads)
-    NestedKernel(TopTree top, VoxelTable voxels, RayList list, uint32_t*, WarpLimits) {
-  const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
-  NoStatistics none;
-  if (i < list.count) TraceSingle<kWay, kAnyHit>(top, voxels, list.packet(i), list.place(i), none);
-}
+// The kernels: a thread finds its ray. All else is in common/kdtree/gpu.
 
 template <class TreeWay, bool kAnyHit>
 __global__ void __launch_bounds__(kBlockThreads)
@@ -36,42 +26,15 @@ __global__ void __launch_bounds__(kBlockThreads)
   RunPersistentWarp<TreeWay, kAnyHit>(warp, top, voxels, list, next, limits, none);
 }
 
-__global__ void __launch_bounds__(kBlockThreads)
-    BruteForceKernel(const PlainTriangle* triangles, uint32_t count, RayList list) {
-  const uint32_t i = blockIdx.x * blockDim.x + threadIdx.x;
-  if (i < list.count) quarry::TraceByBruteForce(triangles, count, list.packet(i), list.place(i));
+template <class TreeWay>
+Kernel KernelOf(const Launch& launch) {
+  if (launch.schedule == Schedule::kPersistent)
+    return launch.any ? PersistentKernel<TreeWay, true> : PersistentKernel<TreeWay, false>;
+  return launch.any ? SteppingKernel<TreeWay, true> : SteppingKernel<TreeWay, false>;
 }
 
-template <class TreeWay, bool kAnyHit>
-Kernel SteppingOrPersistent(Schedule schedule) {
-  if (schedule == Schedule::kPersistent) return PersistentKernel<TreeWay, kAnyHit>;
-  return SteppingKernel<TreeWay, kAnyHit>;
-}
-
-template <bool kAnyHit>
-Kernel KernelOf(DeviceWay way, Schedule schedule) {
-  const bool nested = schedule == Schedule::kNested;
-  switch (way) {
-    case DeviceWay::kClimb:
-      return nested ? NestedKernel<Way::kClimb, kAnyHit>
-                    : SteppingOrPersistent<KdSteps<Way::kClimb>, kAnyHit>(schedule);
-    case DeviceWay::kPushDown:
-      return nested ? NestedKernel<Way::kPushDown, kAnyHit>
-                    : SteppingOrPersistent<KdSteps<Way::kPushDown>, kAnyHit>(schedule);
-    case DeviceWay::kRopes:
-      return nested ? NestedKernel<Way::kRopes, kAnyHit>
-                    : SteppingOrPersistent<KdSteps<Way::kRopes>, kAnyHit>(schedule);
-    case DeviceWay::kWide:
-      return nested ? nullptr : SteppingOrPersistent<WideSteps, kAnyHit>(schedule);
-  }
-  return nullptr;
-}
-
-Result<Kernel> KernelOf(const Launch& launch) {
-  const Kernel kernel =
-      launch.any ? KernelOf<true>(launch.way, launch.schedule) : KernelOf<false>(launch.way, launch.schedule);
-  if (!kernel) return Fail("there is no nested kernel for wide nodes");
-  return kernel;
+Kernel KernelOf(const Launch& launch) {
+  return WithSteps(launch.way, [&]<class TreeWay>() { return KernelOf<TreeWay>(launch); });
 }
 
 Result<int> BlocksPerMultiprocessor(Kernel kernel) {
@@ -137,7 +100,7 @@ Status DeviceMemory::Copy(const DeviceMemory& from, size_t bytes) const {
 }
 
 Result<double> Trace(const DeviceScene& scene, const DeviceRays& rays, const Launch& launch) {
-  QUARRY_ASSIGN(const Kernel kernel, KernelOf(launch));
+  const Kernel kernel = KernelOf(launch);
   const RayList list = rays.list();
   QUARRY_ASSIGN(const DeviceMemory next, DeviceMemory::Allocate(sizeof(uint32_t)));
   QUARRY_TRY(Check(cudaMemset(next.get(), 0, sizeof(uint32_t)), "clear a counter"));
@@ -155,18 +118,8 @@ Result<double> Trace(const DeviceScene& scene, const DeviceRays& rays, const Lau
   return timer.Stop("trace rays");
 }
 
-Result<double> TraceByBruteForce(const DeviceMemory& triangles, uint32_t count, const DeviceRays& rays) {
-  const RayList list = rays.list();
-  if (list.count == 0) return 0;
-  Timer timer;
-  QUARRY_TRY(timer.Start());
-  BruteForceKernel<<<BlocksFor(list.count), kBlockThreads>>>(
-      static_cast<const PlainTriangle*>(triangles.get()), count, list);
-  return timer.Stop("trace rays by brute force");
-}
-
 Result<KernelFacts> FactsOf(const Launch& launch) {
-  QUARRY_ASSIGN(const Kernel kernel, KernelOf(launch));
+  const Kernel kernel = KernelOf(launch);
   cudaFuncAttributes attributes{};
   QUARRY_TRY(Check(cudaFuncGetAttributes(&attributes, kernel), "describe a kernel"));
   QUARRY_ASSIGN(const int blocks, BlocksPerMultiprocessor(kernel));

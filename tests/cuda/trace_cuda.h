@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/kdtree/variants/device_data.h"
-#include "common/kdtree/variants/persistent_warps.h"
+#include "common/kdtree/gpu/device_data.h"
+#include "common/kdtree/gpu/persistent_warps.h"
 
-// The kernels of common/kdtree/variants on a GPU: memory and launches. Programs that include this header need
+// The kernels of common/kdtree/gpu on a GPU: memory and launches. Programs that include this header need
 // no CUDA header. Calls wait for the device. Errors: one sentence with CUDA's own text. Not thread-safe.
 // trace_cuda.cu implements the calls on a GPU; trace_emulated.cpp implements them on the CPU, with emulated
 // warps, so that programs and checks for GPUs run in tests. A program links one of the two.
@@ -106,8 +106,22 @@ class DeviceRays {
 /// The way of a ray to the next leaf; over the layouts of trees kClimb is kd-restart, kd-backtrack or
 /// treelet-backtrack.
 enum class DeviceWay { kClimb, kPushDown, kRopes, kWide };
+/// Calls f.operator()<TreeWay>() for the steps of `way`; returns its result.
+template <class F>
+auto WithSteps(DeviceWay way, const F& f) {
+  switch (way) {
+    case DeviceWay::kClimb:
+      return f.template operator()<KdSteps<Way::kClimb>>();
+    case DeviceWay::kPushDown:
+      return f.template operator()<KdSteps<Way::kPushDown>>();
+    case DeviceWay::kRopes:
+      return f.template operator()<KdSteps<Way::kRopes>>();
+    default:
+      return f.template operator()<WideSteps>();
+  }
+}
+
 enum class Schedule {
-  kNested,      ///< a thread a ray: a loop over voxels around a loop over leaves; not for kWide
   kStepping,    ///< a thread a ray: one loop for both levels of trees
   kPersistent,  ///< warps that stay and take new rays
 };
@@ -122,10 +136,7 @@ struct Launch {
 inline constexpr uint32_t kBlockThreads = 128;
 
 /// Traces the chosen rays. Results: see TraceFunction. Returns: seconds that the kernel took.
-/// Errors: kNested with kWide.
 Result<double> Trace(const DeviceScene& scene, const DeviceRays& rays, const Launch& launch);
-/// Finds the nearest hits of the chosen rays without a tree. `triangles`: PlainTriangle[count].
-Result<double> TraceByBruteForce(const DeviceMemory& triangles, uint32_t count, const DeviceRays& rays);
 
 /// A kernel's use of resources, as compiled.
 struct KernelFacts {

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "common/base/resource.h"
-#include "common/kdtree/variants/brute_force_trace.h"
 #include "tests/cuda/trace_cuda.h"
 
 namespace quarry::cuda {
@@ -22,28 +21,6 @@ void Run(const DeviceScene& scene, const RayList& list, const Launch& launch) {
   }
   for (uint32_t i = 0; i < list.count; ++i)
     TraceStepping<TreeWay, kAnyHit>(scene.top(), scene.table(), list.packet(i), list.place(i), none);
-}
-
-template <Way kWay, bool kAnyHit>
-void RunNodes(const DeviceScene& scene, const RayList& list, const Launch& launch) {
-  if (launch.schedule != Schedule::kNested) return Run<KdSteps<kWay>, kAnyHit>(scene, list, launch);
-  NoStatistics none;
-  for (uint32_t i = 0; i < list.count; ++i)
-    TraceSingle<kWay, kAnyHit>(scene.top(), scene.table(), list.packet(i), list.place(i), none);
-}
-
-template <bool kAnyHit>
-void RunAny(const DeviceScene& scene, const RayList& list, const Launch& launch) {
-  switch (launch.way) {
-    case DeviceWay::kClimb:
-      return RunNodes<Way::kClimb, kAnyHit>(scene, list, launch);
-    case DeviceWay::kPushDown:
-      return RunNodes<Way::kPushDown, kAnyHit>(scene, list, launch);
-    case DeviceWay::kRopes:
-      return RunNodes<Way::kRopes, kAnyHit>(scene, list, launch);
-    case DeviceWay::kWide:
-      return Run<WideSteps, kAnyHit>(scene, list, launch);
-  }
 }
 
 }  // namespace
@@ -81,22 +58,11 @@ Status DeviceMemory::Copy(const DeviceMemory& from, size_t bytes) const {
 }
 
 Result<double> Trace(const DeviceScene& scene, const DeviceRays& rays, const Launch& launch) {
-  if (launch.schedule == Schedule::kNested && launch.way == DeviceWay::kWide)
-    return Fail("there is no nested kernel for wide nodes");
   const auto start = std::chrono::steady_clock::now();
-  if (launch.any)
-    RunAny<true>(scene, rays.list(), launch);
-  else
-    RunAny<false>(scene, rays.list(), launch);
-  return SecondsSince(start);
-}
-
-Result<double> TraceByBruteForce(const DeviceMemory& triangles, uint32_t count, const DeviceRays& rays) {
-  const RayList list = rays.list();
-  const auto start = std::chrono::steady_clock::now();
-  for (uint32_t i = 0; i < list.count; ++i)
-    quarry::TraceByBruteForce(static_cast<const PlainTriangle*>(triangles.get()), count, list.packet(i),
-                              list.place(i));
+  WithSteps(launch.way, [&]<class TreeWay>() {
+    const auto run = launch.any ? Run<TreeWay, true> : Run<TreeWay, false>;
+    run(scene, rays.list(), launch);
+  });
   return SecondsSince(start);
 }
 

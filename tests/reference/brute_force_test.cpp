@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/kdtree/trace/stream_trace.h"
-#include "common/kdtree/variants/all_kernels.h"
+#include "tests/laboratory/variants/all_kernels.h"
 #include "tests/reference/reference_rays.h"
 
 namespace quarry::test {
@@ -64,24 +64,23 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
   const auto part = static_cast<std::ptrdiff_t>((count + 15) / 16);
   {
     std::vector<RayPacket> found = closest, occluded = any;
-    TraceAll(scene.resident().view(Algorithm::kTreelets), ClosestByRule, found);
-    TraceAll(scene.resident().view(Algorithm::kTreelets), AnyByRule, occluded);
+    TraceAll(scene.resident().view(), ClosestByRule, found);
+    TraceAll(scene.resident().view(), AnyByRule, occluded);
     compare(found, occluded, "the rule");
     found.assign(closest.end() - part, closest.end());
     occluded.assign(any.end() - part, any.end());
     const TraceFunction by_rule[2][2] = {{ClosestByRule, ClosestByRule}, {AnyByRule, AnyByRule}};
-    suspended += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[0], found);
-    suspended += TraceSuspending(scene.resident().view(Algorithm::kTreelets), by_rule[1], occluded);
+    suspended += TraceSuspending(scene.resident().view(), by_rule[0], found);
+    suspended += TraceSuspending(scene.resident().view(), by_rule[1], occluded);
     // `compare` begins with the first ray.
     std::rotate(expected.begin(), expected.end() - part * RayPacket::kRays, expected.end());
     compare(found, occluded, "the rule, suspending");
     std::rotate(expected.begin(), expected.begin() + part * RayPacket::kRays, expected.end());
   }
   std::vector<TraceFunction> all_closest, all_any;
-  for (const Kernel& kernel : AllKernels()) {
-    const SceneView& view = scene.resident().view(kernel.algorithm);
-    const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
-                                       static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
+  for (const Variant& kernel : AllKernels()) {
+    const SceneView& view = scene.resident().view(kernel.layout);
+    const std::string by = kernel.name();
     std::vector<RayPacket> found = closest, occluded = any;
     TraceAll(view, kernel.closest, found);
     TraceAll(view, kernel.any, occluded);
@@ -91,13 +90,13 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
     suspended += TraceSuspending(view, kernel.closest, found);
     suspended += TraceSuspending(view, kernel.any, occluded);
     compare(found, occluded, by + " suspending");
-    if (kernel.algorithm != Algorithm::kTreelets) continue;
+    if (kernel.layout != TreeLayout::kTreelets) continue;
     all_closest.push_back(kernel.closest);
     all_any.push_back(kernel.any);
     if (!kernel.coherent_closest) continue;
     // Coherent rays by this kernel; the other rays go on from where they are by a kernel that takes all.
-    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Kernel& other) {
-      return other.isa == kernel.isa && other.grouping == Grouping::kWide;
+    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Variant& other) {
+      return other.isa == kernel.isa && other.grouping == "wide";
     });
     found = closest;
     occluded = any;
@@ -107,7 +106,7 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
       uint64_t left[kFew];
       std::fill_n(left, n, ~uint64_t{0});
       with(view.top(), view.finder(), packets.data() + first, left, n);
-      for (uint32_t i = 0; i < n && kernel.grouping == Grouping::kStream; ++i)
+      for (uint32_t i = 0; i < n && kernel.grouping == "stream"; ++i)
         diverged += static_cast<uint64_t>(std::popcount(left[i]));
       without(view.top(), view.finder(), packets.data() + first, left, n);
     };
@@ -115,11 +114,11 @@ void CompareAll(const LoadedScene& scene, uint32_t rays, const std::string& name
       go(kernel.coherent_closest, rest->closest, found, first);
       go(kernel.coherent_any, rest->any, occluded, first);
     }
-    if (kernel.grouping == Grouping::kStream) together += 2 * all.size();
+    if (kernel.grouping == "stream") together += 2 * all.size();
     compare(found, occluded, by + " for coherent rays");
   }
   // A ray that has waited may be gone on with by another kernel, in the voxel that it waited for.
-  const SceneView& view = scene.resident().view(Algorithm::kTreelets);
+  const SceneView& view = scene.resident().view();
   std::vector<RayPacket> found(closest.begin(), closest.begin() + part);
   std::vector<RayPacket> occluded(any.begin(), any.begin() + part);
   suspended += TraceSuspending(view, all_closest, found);
@@ -195,7 +194,7 @@ TEST_CASE("Traversal agrees with brute force on slivers, voxel chains and split 
 TEST_CASE("Streams that most rays have left are skipped, and no hit changes", "[reference]") {
   const TemporaryFolder folder;
   const LoadedScene scene(GenerateScene(folder, "terrain", 400000), 4096);
-  const SceneView& view = scene.resident().view(Algorithm::kTreelets);
+  const SceneView& view = scene.resident().view();
   std::mt19937 random(5);
   constexpr uint32_t kStreams = 5;
   std::vector<RayPacket> rays(kStreams * kStreamPackets);

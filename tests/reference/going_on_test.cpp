@@ -7,7 +7,7 @@
 #include <functional>
 #include <utility>
 
-#include "common/kdtree/variants/all_kernels.h"
+#include "tests/laboratory/variants/all_kernels.h"
 #include "tests/reference/reference_rays.h"
 
 namespace quarry::test {
@@ -162,25 +162,24 @@ void PeelAll(const LoadedScene& scene, uint32_t packets, const std::string& name
     CHECK(std::equal(by_definition[i].begin(), by_definition[i].end(), rays.expected[i].begin(),
                      rays.expected[i].end(), SameBits));
   }
-  const SceneView& treelets = scene.resident().view(Algorithm::kTreelets);
+  const SceneView& treelets = scene.resident().view();
   comparison.Compare(rays.expected, Peel(rays, rays.packets, all, Resident(treelets, ClosestByRule)),
                      "the rule");
   comparison.Compare(few_expected,
                      Peel(rays, rays.packets, few, Suspending(treelets, {ClosestByRule}, refused)),
                      "the rule, suspending");
   std::vector<TraceFunction> in_turn;
-  for (const Kernel& kernel : AllKernels()) {
-    const SceneView& view = scene.resident().view(kernel.algorithm);
-    const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
-                                       static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
+  for (const Variant& kernel : AllKernels()) {
+    const SceneView& view = scene.resident().view(kernel.layout);
+    const std::string by = kernel.name();
     comparison.Compare(rays.expected, Peel(rays, rays.packets, all, Resident(view, kernel.closest)), by);
     comparison.Compare(few_expected,
                        Peel(rays, rays.packets, few, Suspending(view, {kernel.closest}, refused)),
                        by + " suspending");
-    if (kernel.algorithm == Algorithm::kTreelets) in_turn.push_back(kernel.closest);
+    if (kernel.layout == TreeLayout::kTreelets) in_turn.push_back(kernel.closest);
     if (!kernel.coherent_closest) continue;
-    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Kernel& other) {
-      return other.isa == kernel.isa && other.grouping == Grouping::kWide;
+    const auto rest = std::find_if(AllKernels().begin(), AllKernels().end(), [&](const Variant& other) {
+      return other.isa == kernel.isa && other.grouping == "wide";
     });
     comparison.Compare(rays.expected,
                        Peel(rays, rays.packets, all, Coherent(view, kernel.coherent_closest, rest->closest)),
@@ -304,12 +303,11 @@ void CompareShadows(const LoadedScene& scene, uint32_t packets, const std::strin
     }
     comparison.Compare(expected, Peel(rays, found, again, closest), by + ", started again");
   };
-  const SceneView& treelets = scene.resident().view(Algorithm::kTreelets);
+  const SceneView& treelets = scene.resident().view();
   compare(Resident(treelets, AnyByRule), Resident(treelets, ClosestByRule), "the rule");
-  for (const Kernel& kernel : AllKernels()) {
-    const SceneView& view = scene.resident().view(kernel.algorithm);
-    const std::string by = fmt::format("{} grouping {} algorithm {}", kernel.isa,
-                                       static_cast<int>(kernel.grouping), static_cast<int>(kernel.algorithm));
+  for (const Variant& kernel : AllKernels()) {
+    const SceneView& view = scene.resident().view(kernel.layout);
+    const std::string by = kernel.name();
     compare(Resident(view, kernel.any), Resident(view, kernel.closest), by);
     if (kernel.isa == AllKernels().front().isa)
       compare(Suspending(view, {kernel.any}, refused), Resident(view, kernel.closest), by + " suspending");
@@ -393,7 +391,7 @@ TEST_CASE("Packets skip no cell that only one of their rays grazes", "[reference
   const std::string path = folder.file("lattice.obj");
   WriteSoup(path, Squares(random, 700, 0.1f));
   const LoadedScene scene(path, 4096);
-  const SceneView& view = scene.resident().view(Algorithm::kTreelets);
+  const SceneView& view = scene.resident().view();
   const auto& meta = scene.catalog().meta;
   const std::vector<float> planes[3] = {PlanesOf(view, 0), PlanesOf(view, 1), PlanesOf(view, 2)};
   // Rays within planes between cells, or a few roundings beside them: alone in their packet, or with
@@ -422,8 +420,8 @@ TEST_CASE("Packets skip no cell that only one of their rays grazes", "[reference
       hits += expected.back().triangle != kNoTriangle ? 1 : 0;
     }
   }
-  for (const Kernel& kernel : AllKernels()) {
-    if (kernel.grouping != Grouping::kWidePacket) continue;
+  for (const Variant& kernel : AllKernels()) {
+    if (kernel.grouping != "wide packet") continue;
     std::vector<RayPacket> found = packets;
     TraceAll(view, kernel.closest, found);
     uint64_t differences = 0;

@@ -3,8 +3,7 @@
 // compare the same kernels with brute force.
 #include <thread>
 
-#include "common/kdtree/variants/brute_force_trace.h"
-#include "common/kdtree/variants/variant_kernels.h"
+#include "common/kdtree/gpu/persistent_warps.h"
 #include "tests/bench/gpu/gpu_check.h"
 #include "tests/reference/reference_rays.h"
 
@@ -57,7 +56,7 @@ TEST_CASE("A warp traces each ray once, whatever its limits and the length of th
   const TemporaryFolder folder;
   const LoadedScene scene(GenerateScene(folder, "forest", 2000), 4096);
   const TracedRays rays(scene, 40);
-  const SceneView& ropes = scene.resident().view(Algorithm::kRopes);
+  const SceneView& ropes = scene.resident().view(TreeLayout::kRopes);
   for (const uint32_t count : {0u, 1u, 31u, 32u, 33u, 64u, 2500u})
     for (const WarpLimits limits :
          {WarpLimits{}, WarpLimits{1, 0}, WarpLimits{32, 0}, WarpLimits{20, 8}, WarpLimits{32, 31}}) {
@@ -108,26 +107,12 @@ TEST_CASE("Lanes that end early are refilled: more lanes are busy than without n
     std::vector<RayPacket> found = rays.fresh;
     EmulatedWarp warp;
     uint32_t next = 0;
-    RunWarp<KdSteps<Way::kPushDown>>(warp, scene.resident().view(Algorithm::kPushDown), found, list, next,
+    RunWarp<KdSteps<Way::kPushDown>>(warp, scene.resident().view(TreeLayout::kRestart), found, list, next,
                                      limits);
     CHECK(rays.Differences(found, list) == 0);
     return static_cast<double>(warp.lane_steps()) / static_cast<double>(warp.steps() * kWarpLanes);
   };
   CHECK(busy_share({24, 0}) > 1.2 * busy_share({1, 0}));
-}
-
-TEST_CASE("Brute force in packets is brute force", "[reference][gpu]") {
-  const TemporaryFolder folder;
-  const LoadedScene scene(GenerateScene(folder, "plant", 2000), 4096);
-  const TracedRays rays(scene, 4);
-  std::vector<PlainTriangle> triangles;
-  for (const StoredTriangle& t : scene.triangles())
-    triangles.push_back({{t.vertices[0], t.vertices[1], t.vertices[2]}, t.id});
-  std::vector<RayPacket> found = rays.fresh;
-  for (RayPacket& packet : found)
-    for (uint32_t i = 0; i < RayPacket::kRays; ++i)
-      TraceByBruteForce(triangles.data(), static_cast<uint32_t>(triangles.size()), packet, i);
-  CHECK(rays.Differences(found, Rays(0, 4 * RayPacket::kRays)) == 0);
 }
 
 TEST_CASE("The check of GPUs finds no difference on emulated warps, and finds one that is made",

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <vector>
 
 #include "common/kdtree/kernels.h"
 #include "common/kdtree/trace/packet_trace.h"
@@ -117,13 +116,10 @@ void TraceUncounted(const TopTree& top, const Finder& finder, RayPacket* packets
   Trace::template Run<kAnyHit>(top, finder, packets, active, count, none);
 }
 
-/// A kernel of `Trace` without coherent functions.
+/// The functions of a kernel of `Trace`, without those for coherent rays.
 template <class Trace>
-constexpr Kernel MakeKernel(std::string_view isa, Grouping grouping, Algorithm algorithm) {
-  return {isa,
-          grouping,
-          algorithm,
-          TraceUncounted<Trace, false>,
+constexpr KernelFunctions FunctionsOf() {
+  return {TraceUncounted<Trace, false>,
           TraceUncounted<Trace, true>,
           Trace::template Run<false, VoxelFinder, TraceStatistics>,
           Trace::template Run<true, VoxelFinder, TraceStatistics>,
@@ -138,20 +134,16 @@ inline constexpr size_t kKernelsPerIsa = 3;
 template <class L, class Wide>
 constexpr void FillKernels(std::string_view isa, Kernel* list) {
   const auto make_coherent = [isa]<class Trace>(Grouping grouping, Kernel& kernel) {
-    kernel = MakeKernel<Trace>(isa, grouping, Algorithm::kTreelets);
+    kernel = {FunctionsOf<Trace>(), isa, grouping};
     kernel.coherent_closest = Trace::template RunCoherent<false, VoxelFinder>;
     kernel.coherent_any = Trace::template RunCoherent<true, VoxelFinder>;
   };
   make_coherent.template operator()<WidePacketTrace<L, Wide>>(Grouping::kWidePacket, list[0]);
   make_coherent.template operator()<StreamTrace<L, Wide>>(Grouping::kStream, list[1]);
-  list[2] = MakeKernel<WideTrace<Wide>>(isa, Grouping::kWide, Algorithm::kTreelets);
+  list[2] = {FunctionsOf<WideTrace<Wide>>(), isa, Grouping::kWide};
 }
 
 using FillFunction = void (*)(Kernel* list);
-
-/// The lists of `count` kernels each that this processor and QUARRY_ISA allow, one after the other.
-std::vector<Kernel> SupportedKernels(size_t count, FillFunction avx512, FillFunction avx2,
-                                     FillFunction scalar);
 
 // One source file each defines these.
 void FillScalarKernels(Kernel* list);

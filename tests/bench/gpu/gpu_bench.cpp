@@ -11,7 +11,6 @@
 
 #include "common/base/log.h"
 #include "common/base/resource.h"
-#include "common/kdtree/variants/variant_kernels.h"
 #include "common/program/run_program.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -76,7 +75,7 @@ double BytesARay(const GpuWay& way, const TraceStatistics& s) {
 /// Counts the steps of every 16th packet on the CPU.
 TraceStatistics CountSteps(GpuScene& scene, const GpuWay& way, const RaySet& set) {
   TraceStatistics statistics;
-  const Kernel& kernel = CpuKernelOf(way);
+  const Variant& kernel = CpuKernelOf(way);
   const auto counted = set.any ? kernel.counted_any : kernel.counted_closest;
   for (size_t p = 0; p < set.packets.size(); p += 16) {
     RayPacket packet = set.packets[p];
@@ -112,8 +111,9 @@ class GpuBench {
         "| kernel | schedule | hits | registers | local bytes | warps a multiprocessor "
         "|\n|---|---|---|---|---|---|\n");
     for (const GpuWay& way : kGpuWays) {
-      if (way.layout == Algorithm::kBacktrack || way.layout == Algorithm::kRestart) continue;  // as treelets
-      for (const cuda::Schedule schedule : SchedulesOf(way))
+      // The kernel of restart and backtrack is that of treelets.
+      if (way.way == cuda::DeviceWay::kClimb && way.layout != test::TreeLayout::kTreelets) continue;
+      for (const cuda::Schedule schedule : kSchedules)
         for (const bool any : {false, true}) {
           QUARRY_ASSIGN(const cuda::KernelFacts facts, cuda::FactsOf({way.way, schedule, any, {}}));
           Print(fmt::format("| {} | {} | {} | {} | {} | {} |\n", way.name, Name(schedule),
@@ -189,7 +189,7 @@ class GpuBench {
                     cuda::DeviceRays& rays) {
     std::vector<double> bytes_of;
     for (const RaySet& set : sets) bytes_of.push_back(BytesARay(way, CountSteps(scene, way, set)));
-    for (const cuda::Schedule schedule : SchedulesOf(way)) {
+    for (const cuda::Schedule schedule : kSchedules) {
       Print(fmt::format("| {} | {} |", way.name, Name(schedule)));
       double bytes = 0, speed = 0;
       for (const RaySet& set : sets) {
@@ -304,56 +304,18 @@ class GpuBench {
         "  {0} x {0} primary rays, {1} of them meet the scene's box\n\n| {2} | schedule | ms a frame "
         "|\n|---|---|---|\n",
         options_.frame_size, primary.rays, name_));
-    const auto print = [&](const char* way, const char* schedule, double seconds) {
-      Print(fmt::format("| {} | {} | {:.3f} |\n", way, schedule, seconds * 1e3));
-      results_["frames"].push_back(
-          {{"scene", name_}, {"way", way}, {"schedule", schedule}, {"ms_a_frame", seconds * 1e3}});
-    };
-    std::vector<RayPacket> expected(primary.packets.size()), found = expected;
     for (const GpuWay& way : kGpuWays)
-      for (const cuda::Schedule schedule : SchedulesOf(way)) {
+      for (const cuda::Schedule schedule : kSchedules) {
         QUARRY_ASSIGN(const double seconds, TimeOf(options_.repetitions, rays, [&] {
                         return cuda::Trace(scene.device(way), rays, {way.way, schedule, false, {}});
                       }));
-        print(way.name, Name(schedule), seconds);
+        Print(fmt::format("| {} | {} | {:.3f} |\n", way.name, Name(schedule), seconds * 1e3));
+        results_["frames"].push_back({{"scene", name_},
+                                      {"way", way.name},
+                                      {"schedule", Name(schedule)},
+                                      {"ms_a_frame", seconds * 1e3}});
       }
-    QUARRY_TRY(rays.Get(expected));
-    const std::vector<PlainTriangle> triangles = TrianglesOf(scene.resident());
-    QUARRY_ASSIGN(const cuda::DeviceMemory memory,
-                  cuda::DeviceMemory::Allocate(triangles.size() * sizeof(PlainTriangle)));
-    QUARRY_TRY(memory.Write(0, std::as_bytes(std::span(triangles))));
-    QUARRY_ASSIGN(const double seconds, TimeOf(2, rays, [&] {
-                    return cuda::TraceByBruteForce(memory, static_cast<uint32_t>(triangles.size()), rays);
-                  }));
-    print("brute force", "a thread a ray", seconds);
-    QUARRY_TRY(rays.Get(found));
-    uint64_t differences = 0;
-    for (size_t p = 0; p < found.size(); ++p)
-      for (uint64_t left = primary.active[p]; left != 0; left &= left - 1) {
-        const auto i = static_cast<uint32_t>(std::countr_zero(left));
-        differences +=
-            found[p].triangle[i] == expected[p].triangle[i] && found[p].hit_t[i] == expected[p].hit_t[i] ? 0
-                                                                                                         : 1;
-      }
-    Print(fmt::format("  brute force and the last way differ on {} rays\n", differences));
-    results_["checks"].push_back(
-        {{"scene", name_}, {"brute_force_rays", primary.rays}, {"differences", differences}});
-    sound_ = sound_ && differences == 0;
     return {};
-  }
-
-  /// Each triangle once.
-  static std::vector<PlainTriangle> TrianglesOf(const test::ResidentScene& scene) {
-    std::vector<bool> seen(scene.catalog().meta.input_triangles);
-    std::vector<PlainTriangle> triangles;
-    for (const VoxelGeometry& voxel : scene.voxels())
-      for (uint32_t t = 0; t < voxel.triangle_count; ++t) {
-        const uint32_t id = voxel.triangle_ids[t];
-        if (seen[id]) continue;
-        seen[id] = true;
-        triangles.push_back({{voxel.vertex(t, 0), voxel.vertex(t, 1), voxel.vertex(t, 2)}, id});
-      }
-    return triangles;
   }
 
   const Options& options_;
@@ -382,8 +344,7 @@ int Main(int argc, char** argv) {
   Options options;
   CLI::App app("The family's kernels on a GPU: checked against the CPU, then measured.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess: millions of rays a second");
-  app.add_option("--frames", options.frames, "Stores: milliseconds a frame, by brute force too")
-      ->allow_extra_args();
+  app.add_option("--frames", options.frames, "Stores: milliseconds a frame")->allow_extra_args();
   app.add_option("--checks", options.checks, "Stores that are checked, with opacity masks, not measured")
       ->allow_extra_args();
   app.add_option("--interior", options.interior, "Names of stores that are seen from inside the box")

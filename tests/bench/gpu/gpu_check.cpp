@@ -10,7 +10,6 @@
 #include <random>
 
 #include "common/base/resource.h"
-#include "common/kdtree/variants/variant_kernels.h"
 
 namespace quarry::bench {
 namespace {
@@ -169,9 +168,9 @@ class DeviceCheck {
     Packets found(from.size());
     for (const GpuWay& way : kGpuWays) {
       Packets steps = from;
-      const Kernel& same = CpuKernelOf(way);
+      const Variant& same = CpuKernelOf(way);
       TraceInParallel(scene_.view(way), any ? same.any : same.closest, steps, active_);
-      for (const cuda::Schedule schedule : SchedulesOf(way)) {
+      for (const cuda::Schedule schedule : kSchedules) {
         QUARRY_TRY(rays_.Reset());
         QUARRY_TRY(Trace(scene_.device(way), way, schedule, any));
         QUARRY_TRY(rays_.Get(found));
@@ -230,14 +229,14 @@ class DeviceCheck {
   Status CheckSuspended(const GpuWay& way, bool any) {
     const auto voxels = static_cast<uint32_t>(scene_.resident().voxels().size());
     cuda::DeviceScene& device = scene_.device(way);
-    const Kernel& same = CpuKernelOf(way);
+    const Variant& same = CpuKernelOf(way);
     const TraceFunction trace = any ? same.any : same.closest;
     std::vector<uint8_t> resident(voxels, 0);
     active_.assign(few_, ~uint64_t{0});
     Packets on_cpu(start_[any].begin(), start_[any].begin() + few_), found(few_);
     QUARRY_TRY(rays_.Put(on_cpu));
     for (uint32_t round = 0;; ++round) {
-      const cuda::Schedule schedule = SchedulesOf(way)[round % SchedulesOf(way).size()];
+      const cuda::Schedule schedule = kSchedules[round % std::size(kSchedules)];
       QUARRY_TRY(device.SetResident(resident));
       QUARRY_TRY(rays_.Choose(ListRays(active_.data(), few_)));
       QUARRY_TRY(Trace(device, way, schedule, any));

@@ -7,7 +7,6 @@
 #include "common/base/check.h"
 #include "common/base/resource.h"
 #include "common/kdtree/opacity_mask.h"
-#include "common/kdtree/variants/variant_kernels.h"
 
 namespace quarry::bench {
 
@@ -27,35 +26,18 @@ uint32_t MaskOf(uint32_t id) {
 
 }  // namespace
 
-std::vector<cuda::Schedule> SchedulesOf(const GpuWay& way) {
-  using enum cuda::Schedule;
-  if (way.way == cuda::DeviceWay::kWide) return {kStepping, kPersistent};
-  return {kNested, kStepping, kPersistent};
-}
-
 const char* Name(cuda::Schedule schedule) {
-  switch (schedule) {
-    case cuda::Schedule::kNested:
-      return "nested";
-    case cuda::Schedule::kStepping:
-      return "stepping";
-    case cuda::Schedule::kPersistent:
-      return "persistent";
-  }
-  return "";
+  return schedule == cuda::Schedule::kStepping ? "stepping" : "persistent";
 }
 
-const Kernel& CpuKernelOf(const GpuWay& way) {
+const Variant& CpuKernelOf(const GpuWay& way) {
   // Not from AllKernels(): QUARRY_ISA may leave them out there.
-  static const std::vector<Kernel> kernels = [] {
-    std::vector<Kernel> all(kGpuKernels);
-    FillGpuKernels(all.data());
-    return all;
-  }();
-  const auto found = std::ranges::find_if(kernels, [&](const Kernel& kernel) {
-    return kernel.grouping == way.on_cpu && kernel.algorithm == way.layout;
+  const bool wide = way.way == cuda::DeviceWay::kWide;
+  const auto found = std::ranges::find_if(GpuKernels(), [&](const Variant& kernel) {
+    return wide ? kernel.grouping == "wide steps"
+                : kernel.grouping == "steps" && kernel.algorithm == way.name;
   });
-  QUARRY_CHECK(found != kernels.end());
+  QUARRY_CHECK(found != GpuKernels().end());
   return *found;
 }
 

@@ -8,33 +8,31 @@
 #include <string>
 #include <vector>
 
-#include "common/kdtree/variants/all_kernels.h"
 #include "tests/cuda/trace_cuda.h"
+#include "tests/laboratory/variants/all_kernels.h"
 #include "tests/support/rendering/resident_scene.h"
 
 namespace quarry::bench {
 
-/// A way of the family: its kernel on the device, the layout that it needs, and the same steps on the CPU.
+/// A way of the family: its kernel on the device, and the layout that it needs.
 struct GpuWay {
   const char* name;
   cuda::DeviceWay way;
-  Algorithm layout;
-  Grouping on_cpu;  ///< kSteps or kWideSteps
+  test::TreeLayout layout;
 };
 inline constexpr std::array<GpuWay, 6> kGpuWays = {{
-    {"restart", cuda::DeviceWay::kClimb, Algorithm::kRestart, Grouping::kSteps},
-    {"backtrack", cuda::DeviceWay::kClimb, Algorithm::kBacktrack, Grouping::kSteps},
-    {"treelets", cuda::DeviceWay::kClimb, Algorithm::kTreelets, Grouping::kSteps},
-    {"push-down", cuda::DeviceWay::kPushDown, Algorithm::kPushDown, Grouping::kSteps},
-    {"ropes", cuda::DeviceWay::kRopes, Algorithm::kRopes, Grouping::kSteps},
-    {"wide", cuda::DeviceWay::kWide, Algorithm::kTreelets, Grouping::kWideSteps},
+    {"restart", cuda::DeviceWay::kClimb, test::TreeLayout::kRestart},
+    {"backtrack", cuda::DeviceWay::kClimb, test::TreeLayout::kBacktrack},
+    {"treelets", cuda::DeviceWay::kClimb, test::TreeLayout::kTreelets},
+    {"push-down", cuda::DeviceWay::kPushDown, test::TreeLayout::kRestart},
+    {"ropes", cuda::DeviceWay::kRopes, test::TreeLayout::kRopes},
+    {"wide", cuda::DeviceWay::kWide, test::TreeLayout::kTreelets},
 }};
 
-/// Schedules of `way` that there are kernels for.
-std::vector<cuda::Schedule> SchedulesOf(const GpuWay& way);
+inline constexpr cuda::Schedule kSchedules[] = {cuda::Schedule::kStepping, cuda::Schedule::kPersistent};
 const char* Name(cuda::Schedule schedule);
 /// The kernel on the CPU that takes the same steps.
-const Kernel& CpuKernelOf(const GpuWay& way);
+const Variant& CpuKernelOf(const GpuWay& way);
 
 /// Calls f(first, count) for parts of 0 .. n - 1 that cover it, on all processors.
 void InParallel(size_t n, const std::function<void(size_t first, size_t count)>& f);
@@ -60,7 +58,7 @@ class GpuScene {
 
  private:
   std::unique_ptr<test::ResidentScene> resident_;
-  std::array<std::optional<cuda::DeviceScene>, 5> devices_;  ///< by Algorithm
+  std::array<std::optional<cuda::DeviceScene>, 4> devices_;  ///< by TreeLayout
 };
 
 }  // namespace quarry::bench

@@ -15,7 +15,6 @@
 #include "common/base/log.h"
 #include "common/engine/blocks/loader.h"
 #include "common/engine/blocks/pinned_blocks.h"
-#include "common/kdtree/variants/all_kernels.h"
 #include "common/program/run_program.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
@@ -27,6 +26,7 @@
 #include "tests/bench/rays/ray_sets.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
+#include "tests/laboratory/variants/all_kernels.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"
@@ -99,20 +99,6 @@ struct Contender {
   std::vector<double> times;
 };
 
-std::string_view Name(Grouping g) {
-  constexpr std::string_view names[] = {"wide packet", "packet", "stream", "wide",       "simt",
-                                        "single",      "steps",  "warp",   "wide steps", "wide warp"};
-  return names[static_cast<int>(g)];
-}
-std::string_view Name(Algorithm a) {
-  constexpr std::string_view names[] = {"restart", "backtrack", "treelets", "push-down", "ropes"};
-  return names[static_cast<int>(a)];
-}
-
-std::string Name(const Kernel& k) {
-  return fmt::format("{} {} {}", k.isa, Name(k.grouping), Name(k.algorithm));
-}
-
 /// Rays by how Quarry's hit compares with Embree's. same: the same triangle. tie: two triangles at the same
 /// t, but for rounding. grazing: one of the two misses a triangle whose border the ray passes too closely for
 /// single precision. other: none of these.
@@ -138,11 +124,10 @@ bool GrazesNearer(const test::ResidentScene& scene, const RayPacket& rays, uint3
 
 /// Whether the kernel has the widest vectors of its grouping, over treelets, and is made for CPUs. `kernel`:
 /// of AllKernels().
-bool IsBest(const Kernel& kernel) {
-  return kernel.grouping <= Grouping::kSingle &&
-         &kernel == &*std::ranges::find_if(AllKernels(), [&](const Kernel& other) {
-           return other.grouping == kernel.grouping && other.algorithm == Algorithm::kTreelets;
-         });
+bool IsBest(const Variant& kernel) {
+  return !kernel.of_gpu && &kernel == &*std::ranges::find_if(AllKernels(), [&](const Variant& other) {
+    return other.grouping == kernel.grouping && other.layout == test::TreeLayout::kTreelets;
+  });
 }
 
 /// Embree does not name the triangle that stops a shadow ray: a hit of Embree alone cannot be explained.
@@ -203,11 +188,11 @@ class SceneBench {
   }
 
  private:
-  void AddKernel(const RaySet& set, const Kernel& kernel, std::vector<Contender>& contenders) {
-    const bool engine = kernel.algorithm == Algorithm::kTreelets;
-    const SceneView* view = engine ? nullptr : &scene_->view(kernel.algorithm);
+  void AddKernel(const RaySet& set, const Variant& kernel, std::vector<Contender>& contenders) {
+    const bool engine = kernel.layout == test::TreeLayout::kTreelets;
+    const SceneView* view = engine ? nullptr : &scene_->view(kernel.layout);
     const TraceFunction trace = set.any ? kernel.any : kernel.closest;
-    contenders.push_back({Name(kernel),
+    contenders.push_back({kernel.name(),
                           [this, &set, trace, view] {
                             found_ = set.packets;
                             const TopTree top = view ? view->top() : cache_->top();
@@ -232,15 +217,15 @@ class SceneBench {
                             return SecondsSince(start);
                           },
                           {}});
-    for (const Kernel& kernel : AllKernels()) {
+    for (const Variant& kernel : AllKernels()) {
       const bool best = IsBest(kernel);
-      if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
+      if (!options_.only.empty() && kernel.name().find(options_.only) == std::string::npos) continue;
       if (best || options_.all) AddKernel(set, kernel, contenders);
     }
     const size_t first_one_level = contenders.size();
     if (one_level_)
       for (Grouping grouping : {Grouping::kWidePacket, Grouping::kStream})
-        contenders.push_back({fmt::format("one level {}", Name(grouping)),
+        contenders.push_back({fmt::format("one level {}", NameOf(grouping)),
                               [this, &set, grouping] {
                                 found_ = set.packets;
                                 const auto start = Clock::now();
@@ -339,8 +324,8 @@ class SceneBench {
         }
       }
       std::vector<RayPacket> expected;
-      for (const Kernel& kernel : AllKernels()) {
-        const SceneView& view = scene_->view(kernel.algorithm);
+      for (const Variant& kernel : AllKernels()) {
+        const SceneView& view = scene_->view(kernel.layout);
         found_ = fresh;
         TraceAll(view, kernel.closest, found_);
         if (expected.empty()) expected = found_;
@@ -372,12 +357,12 @@ class SceneBench {
   }
 
   void PrintStatistics(const RaySet& set) {
-    for (const Kernel& kernel : AllKernels()) {
+    for (const Variant& kernel : AllKernels()) {
       if (!IsBest(kernel)) continue;
-      if (!options_.only.empty() && Name(kernel).find(options_.only) == std::string::npos) continue;
+      if (!options_.only.empty() && kernel.name().find(options_.only) == std::string::npos) continue;
       found_ = set.packets;
       TraceStatistics s;
-      const SceneView& view = scene_->view(kernel.algorithm);
+      const SceneView& view = scene_->view(kernel.layout);
       (set.any ? kernel.counted_any : kernel.counted_closest)(view.top(), view.finder(), found_.data(),
                                                               set.active.data(),
                                                               static_cast<uint32_t>(found_.size()), s);
@@ -386,7 +371,7 @@ class SceneBench {
           "      {}: a ray: node steps {:.2f} (lanes used {:.2f}), leaves {:.2f}, triangle tests {:.2f} "
           "({:.2f}), "
           "exact {:.2f}, climbs {:.2f}, voxels {:.2f}\n",
-          Name(kernel.grouping), per_ray(s.node_steps),
+          kernel.grouping, per_ray(s.node_steps),
           static_cast<double>(s.node_lanes_used) / static_cast<double>(s.node_lanes), per_ray(s.leaves),
           per_ray(s.triangle_tests),
           static_cast<double>(s.triangle_lanes_used) / static_cast<double>(s.triangle_lanes),

@@ -1,7 +1,7 @@
 // The fetches of the shade kernels: a word of each triangle, its attributes only where it has them.
 #include "tests/laboratory/machine/shade.h"
 
-#include "tests/laboratory/costs/study_run.h"
+#include "tests/laboratory/machine/study_run.h"
 #include "tests/laboratory/made_scene.h"
 #include "tests/laboratory/structures/grid.h"
 

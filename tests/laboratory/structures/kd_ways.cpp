@@ -1,12 +1,8 @@
 #include "tests/laboratory/structures/kd_ways.h"
 
-#include <bit>
-
 #include "tests/support/rendering/ropes.h"
 
 namespace quarry::laboratory {
-
-static_assert(sizeof(KdRopes::Leaf) == sizeof(RopeLeaf) && kNoNode == kNoRope);
 
 KdRopes::KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses) : list_data_(tree.references) {
   box_ = box;
@@ -14,7 +10,7 @@ KdRopes::KdRopes(const KdTree& tree, const Box& box, AddressSpace& addresses) : 
   node_data_.assign(roped.begin(), roped.begin() + static_cast<std::ptrdiff_t>(tree.nodes.size()));
   for (KdNode& node : node_data_) {
     if (!node.is_leaf()) continue;
-    leaf_data_.push_back(std::bit_cast<Leaf>(RopeLeafAt(roped.data(), node.first())));
+    leaf_data_.push_back(RopeLeafAt(roped.data(), node.first()));
     node.payload = static_cast<uint32_t>(leaf_data_.size() - 1);
   }
   nodes_ = addresses.TextureOf(node_data_, DataKind::kCells);

@@ -14,9 +14,9 @@
 #include "tests/bench/figures.h"
 #include "tests/bench/median.h"
 #include "tests/cuda/trace_cuda.h"
-#include "tests/laboratory/lanes/simt.h"
 #include "tests/laboratory/tables/kernel_costs.h"
 #include "tests/laboratory/tables/papers_device.h"
+#include "tests/laboratory/variants/simt.h"
 
 #ifndef NDEBUG
 #error "benchmarks are built with the release preset"

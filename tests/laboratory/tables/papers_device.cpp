@@ -1,6 +1,5 @@
 #include "tests/laboratory/tables/papers_device.h"
 
-#include "common/kdtree/variants/variant_kernels.h"
 #include "tests/laboratory/gpu/device_trace.h"
 
 namespace quarry::laboratory {

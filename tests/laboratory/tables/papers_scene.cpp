@@ -9,9 +9,9 @@
 #include "common/scene/camera.h"
 #include "tests/bench/stopwatch.h"
 #include "tests/bench/views.h"
-#include "tests/laboratory/lanes/simt.h"
 #include "tests/laboratory/structures/stack_trace.h"
 #include "tests/laboratory/structures/store_tree.h"
+#include "tests/laboratory/variants/simt.h"
 
 namespace quarry::laboratory {
 namespace {

@@ -1,7 +1,6 @@
 // Foley's tables: the structures on an emulated GPU, and the kernels of table 3.
 #include <catch2/catch.hpp>
 
-#include "common/kdtree/variants/variant_kernels.h"
 #include "tests/laboratory/gpu/device_trace.h"
 #include "tests/laboratory/structures/test_rays.h"
 #include "tests/laboratory/tables/kernel_costs.h"

@@ -16,14 +16,14 @@
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"
 #include "tests/bench/views.h"
-#include "tests/laboratory/costs/callgrind.h"
-#include "tests/laboratory/costs/instructions.h"
-#include "tests/laboratory/costs/study_run.h"
+#include "tests/laboratory/machine/study_run.h"
 #include "tests/laboratory/page/plots.h"
 #include "tests/laboratory/structures/grid.h"
 #include "tests/laboratory/structures/kd_tree.h"
 #include "tests/laboratory/structures/kd_ways.h"
 #include "tests/laboratory/structures/store_tree.h"
+#include "tests/laboratory/tables/callgrind.h"
+#include "tests/laboratory/tables/instructions.h"
 #include "tests/laboratory/tables/stream_tables.h"
 
 namespace quarry::laboratory {

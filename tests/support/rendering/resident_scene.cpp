@@ -34,17 +34,6 @@ struct Granting {
   }
 };
 
-uint32_t LevelsOf(Algorithm algorithm) {
-  switch (algorithm) {
-    case Algorithm::kBacktrack:
-      return kBacktrackLevels;
-    case Algorithm::kTreelets:
-      return kTreeletLevels;
-    default:
-      return kRestartLevels;
-  }
-}
-
 }  // namespace
 
 GuardedBytes::GuardedBytes(size_t size) {
@@ -93,20 +82,18 @@ void ResidentScene::SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of
   }
 }
 
-const SceneView& ResidentScene::view(Algorithm algorithm) {
-  const size_t which = algorithm == Algorithm::kTreelets    ? 0
-                       : algorithm == Algorithm::kBacktrack ? 1
-                       : algorithm == Algorithm::kRopes     ? 2
-                                                            : 3;
-  if (views_[which]) return *views_[which];
+const SceneView& ResidentScene::view(TreeLayout layout) {
+  std::unique_ptr<SceneView>& made = views_[static_cast<size_t>(layout)];
+  if (made) return *made;
   const Catalog& c = catalog();
   auto view = std::make_unique<SceneView>(SceneView{});
   view->voxels_ = views_[0]->voxels_;
   view->top_ = c.top_tree();
+  const uint32_t levels = layout == TreeLayout::kBacktrack ? kBacktrackLevels : kRestartLevels;
   const auto lay_out = [&](const KdNode* nodes, uint32_t count, const Box& box, const KdNode*& laid) {
     const std::vector<KdNode> plain = test::FlattenTreelets({nodes, count});
-    view->nodes_.push_back(algorithm == Algorithm::kRopes ? MakeRopes(plain, box)
-                                                          : LayOutTreelets(plain, LevelsOf(algorithm), box));
+    view->nodes_.push_back(layout == TreeLayout::kRopes ? MakeRopes(plain, box)
+                                                        : LayOutTreelets(plain, levels, box));
     laid = view->nodes_.back().data();
   };
   for (size_t v = 0; v < view->voxels_.size(); ++v) {
@@ -116,8 +103,8 @@ const SceneView& ResidentScene::view(Algorithm algorithm) {
   lay_out(c.top_nodes.data(), static_cast<uint32_t>(c.top_nodes.size()),
           {c.meta.root_lower, c.meta.root_upper}, view->top_.nodes);
   view->top_node_slots_ = static_cast<uint32_t>(view->nodes_.back().size());
-  views_[which] = std::move(view);
-  return *views_[which];
+  made = std::move(view);
+  return *made;
 }
 
 Suspensions TraceSuspending(const SceneView& view, std::span<const TraceFunction> traces,

@@ -14,7 +14,11 @@
 
 namespace quarry::test {
 
-/// The trees of a scene in the layout of an algorithm.
+/// The layout of a scene's trees: in treelets as stores have them, for kd-backtrack, for kd-restart, or with
+/// ropes (treelets.h, ropes.h).
+enum class TreeLayout { kTreelets, kBacktrack, kRestart, kRopes };
+
+/// The trees of a scene in a layout.
 class SceneView {
  public:
   const TopTree& top() const { return top_; }
@@ -59,10 +63,10 @@ class ResidentScene {
   const Catalog& catalog() const { return store_->catalog(); }
   const std::vector<VoxelGeometry>& voxels() const { return views_[0]->voxels_; }
   uint64_t decoded_bytes() const { return decoded_bytes_; }
-  /// The layout of stores, in treelets.
+  /// The layout of stores.
   const SceneView& view() const { return *views_[0]; }
-  /// The layout for `algorithm`, made at the first call. Not thread-safe.
-  const SceneView& view(Algorithm algorithm);
+  /// Made at the first call. Not thread-safe.
+  const SceneView& view(TreeLayout layout);
   /// Gives each triangle the opacity mask `mask_of(id)`, as if the store had it. Requires: no other layout
   /// has been made.
   void SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of);
@@ -71,7 +75,7 @@ class ResidentScene {
   std::unique_ptr<StoreReader> store_;
   std::vector<GuardedBytes> bytes_;
   std::vector<std::vector<uint32_t>> masks_;  ///< of voxels, as given to SetMasks()
-  std::unique_ptr<SceneView> views_[4];       ///< 0: treelets
+  std::unique_ptr<SceneView> views_[4];       ///< by TreeLayout
   uint64_t decoded_bytes_ = 0;
 };
 

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "common/kdtree/build/build.h"
+#include "common/kdtree/gpu/rope_leaf.h"
 #include "common/kdtree/node.h"
-#include "common/kdtree/variants/rope_leaf.h"
 
 namespace quarry {
 

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "common/kdtree/build/treelets.h"
-#include "common/kdtree/variants/all_kernels.h"
+#include "tests/laboratory/variants/all_kernels.h"
 
 namespace quarry {
 namespace {
@@ -214,9 +214,8 @@ TEST_CASE(
     const std::vector<WideNode> wide = MakeWideTree(laid, cell, 0, box);
     CHECK(wide.size() > kLeaves / 8);
     voxel.wide = wide.data();
-    for (const Kernel& kernel : AllKernels()) {
-      if (kernel.algorithm != Algorithm::kTreelets || (hundreds && kernel.grouping == Grouping::kStream))
-        continue;
+    for (const Variant& kernel : AllKernels()) {
+      if (kernel.layout != test::TreeLayout::kTreelets || (hundreds && kernel.grouping == "stream")) continue;
       std::vector<RayPacket> found = rays;
       kernel.closest(tree, finder, found.data(), &all, 1);
       for (uint32_t i = 0; i < RayPacket::kRays; ++i) REQUIRE(found[0].triangle[i] == 0);

@@ -1,10 +1,10 @@
 // The cost model of Purcell et al. 2002, section 3.2: costs of kernels, measured on a small picture, foretell
 // the work of a larger one by another camera.
-#include "tests/laboratory/costs/callgrind.h"
-#include "tests/laboratory/costs/instructions.h"
-#include "tests/laboratory/costs/study_run.h"
+#include "tests/laboratory/machine/study_run.h"
 #include "tests/laboratory/made_scene.h"
 #include "tests/laboratory/structures/grid.h"
+#include "tests/laboratory/tables/callgrind.h"
+#include "tests/laboratory/tables/instructions.h"
 #include "tests/support/skip.h"
 
 namespace quarry::laboratory {

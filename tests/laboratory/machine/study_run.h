@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/laboratory/costs/study.h"
+#include "tests/laboratory/machine/study.h"
 
 // The runs of the machine that a study is made from, over one acceleration structure.
 

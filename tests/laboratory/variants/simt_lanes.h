@@ -5,7 +5,7 @@
 
 #include "common/kdtree/ray_source.h"
 #include "common/kdtree/trace/kernel_parts.h"
-#include "tests/laboratory/lanes/simt.h"
+#include "tests/laboratory/variants/simt.h"
 
 namespace quarry::laboratory {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "tests/laboratory/costs/study.h"
+#include "tests/laboratory/machine/study.h"
 
 namespace quarry::laboratory {
 

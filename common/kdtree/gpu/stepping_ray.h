@@ -2,11 +2,12 @@
 
 #include <cstdint>
 
-#include "common/kdtree/variants/stepping_ways.h"
+#include "common/kdtree/gpu/stepping_ways.h"
 
 // A ray of one thread, as a machine that takes one step at a time, so that the 32 threads of a warp can take
 // like steps together. The two levels of trees are one loop: lanes of a warp at the top level and in voxels
-// go down together.
+// go down together. Programs render on no GPU yet. What such a worker will need of the kd-trees stands in
+// this folder, and is tested; until then tests and benches alone include it.
 
 namespace quarry {
 

@@ -3,9 +3,9 @@
 #include <bit>
 #include <cstdint>
 
-#include "common/kdtree/variants/device_data.h"
-#include "common/kdtree/variants/stepping_ray.h"
-#include "common/kdtree/variants/warp.h"
+#include "common/kdtree/gpu/device_data.h"
+#include "common/kdtree/gpu/stepping_ray.h"
+#include "common/kdtree/gpu/warp.h"
 
 // Warps that stay until all rays are traced. A lane whose ray ends is idle; when too many lanes are, the warp
 // takes as many new rays from the common list, in order, so that lanes without work never add up. Source:

@@ -3,7 +3,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "tests/laboratory/lanes/simt_lanes.h"
+#include "tests/laboratory/variants/simt_lanes.h"
 
 // The structures for lanes: the same arithmetic as UniformGrid, KdRestart and KdBacktrack.
 

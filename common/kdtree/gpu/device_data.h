@@ -1,6 +1,8 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
+#include <vector>
 
 #include "common/kdtree/ray_packet.h"
 #include "common/kdtree/voxel_geometry.h"
@@ -29,10 +31,13 @@ struct RayList {
   QUARRY_HOST_DEVICE uint32_t place(uint32_t i) const { return rays[i] % RayPacket::kRays; }
 };
 
-/// A triangle for kernels without a tree.
-struct PlainTriangle {
-  glm::vec3 vertices[3];  ///< scene units
-  uint32_t id;            ///< scene-wide
-};
+/// The rays of `active`, which has bits of `count` packets, as a RayList names them.
+inline std::vector<uint32_t> ListRays(const uint64_t* active, uint32_t count) {
+  std::vector<uint32_t> rays;
+  for (uint32_t p = 0; p < count; ++p)
+    for (uint64_t left = active[p]; left != 0; left &= left - 1)
+      rays.push_back(p * RayPacket::kRays + static_cast<uint32_t>(std::countr_zero(left)));
+  return rays;
+}
 
 }  // namespace quarry

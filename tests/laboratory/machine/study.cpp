@@ -1,4 +1,4 @@
-#include "tests/laboratory/costs/study.h"
+#include "tests/laboratory/machine/study.h"
 
 #include <numeric>
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/kdtree/trace/packet_rays.h"
+#include "common/kdtree/trace/render_kernels.h"
 
 // Coherent packets through the kd-tree's nodes. Source: treelet-backtrack after Foley & Sugerman 2005,
 // section 2.2, with the packets of Wald & Slusallek 2001, section 5: lanes whose ray is not in a node are
@@ -142,5 +142,14 @@ class TreeletWay {
     }
   }
 };
+
+/// Packets of lanes `L`.
+template <class L>
+constexpr KernelFunctions PacketsOf() {
+  return FunctionsOf<PacketTrace<L, TreeletWay<L>>>();
+}
+
+// One source file each defines these.
+extern const KernelFunctions kPacketsScalar, kPacketsAvx2, kPacketsAvx512;
 
 }  // namespace quarry

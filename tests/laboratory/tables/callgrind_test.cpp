@@ -1,4 +1,4 @@
-#include "tests/laboratory/costs/callgrind.h"
+#include "tests/laboratory/tables/callgrind.h"
 
 #include <catch2/catch.hpp>
 #include <cstdlib>

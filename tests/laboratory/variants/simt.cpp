@@ -1,4 +1,4 @@
-#include "tests/laboratory/lanes/simt.h"
+#include "tests/laboratory/variants/simt.h"
 
 #include <hwy/targets.h>
 

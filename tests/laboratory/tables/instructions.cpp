@@ -1,4 +1,4 @@
-#include "tests/laboratory/costs/instructions.h"
+#include "tests/laboratory/tables/instructions.h"
 
 #if __has_include(<valgrind/callgrind.h>)
 #include <valgrind/callgrind.h>
@@ -6,7 +6,7 @@
 
 #include <array>
 
-#include "tests/laboratory/costs/callgrind.h"
+#include "tests/laboratory/tables/callgrind.h"
 
 namespace quarry::laboratory {
 

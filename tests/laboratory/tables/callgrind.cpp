@@ -1,4 +1,4 @@
-#include "tests/laboratory/costs/callgrind.h"
+#include "tests/laboratory/tables/callgrind.h"
 
 #include <cpuid.h>
 #include <fcntl.h>

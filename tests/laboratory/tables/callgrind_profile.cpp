@@ -4,7 +4,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "tests/laboratory/costs/callgrind.h"
+#include "tests/laboratory/tables/callgrind.h"
 
 namespace quarry::laboratory {
 

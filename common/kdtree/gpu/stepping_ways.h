@@ -2,17 +2,24 @@
 
 #include <cstdint>
 
+#include "common/kdtree/gpu/rope_leaf.h"
 #include "common/kdtree/trace/kernel_parts.h"
 #include "common/kdtree/trace/wide_trail.h"
-#include "common/kdtree/variants/rope_leaf.h"
-#include "common/kdtree/variants/single_trace.h"
 #include "common/kdtree/wide_node.h"
 
 // The ways of a ray through one tree, in steps: for threads that a GPU runs 32 at a time, one ray each. A way
 // keeps the ray's place in the tree and nothing else. No array is indexed by a variable: on a GPU it would
-// lie in memory instead of registers.
+// lie in memory instead of registers. The laboratory's trees, whose nodes lie in textures, take the same
+// steps (tests/laboratory/structures/kd_ways.h).
 
 namespace quarry {
+
+/// The way of a ray to the next leaf.
+enum class Way {
+  kClimb,     ///< by treelets' headers: treelet-backtrack, kd-backtrack or kd-restart by the tree's layout
+  kPushDown,  ///< from the deepest node known to hold the rest of the ray (Horn et al. 2007)
+  kRopes,     ///< by links from each face of the leaf (Popov et al. 2007); trees with ropes only
+};
 
 /// To where a step has taken a ray.
 enum class Reached : uint32_t {
@@ -26,24 +33,70 @@ struct SteppingLeaf {
   uint32_t first, last;
 };
 
-/// PlaneT() for an axis that is not known at compile time.
-QUARRY_HOST_DEVICE inline float PlaneTAcross(const RayFrame<ScalarLane>& frame, float plane, int axis) {
-  const float reciprocal = axis == 0   ? frame.reciprocal[0]
-                           : axis == 1 ? frame.reciprocal[1]
-                                       : frame.reciprocal[2];
-  const float shift = axis == 0 ? frame.shift[0] : axis == 1 ? frame.shift[1] : frame.shift[2];
+/// PlaneT() for an axis that is not known at compile time. `Line`: has a ray's `reciprocal` and `shift`, as
+/// RayFrame has them.
+template <class Line>
+QUARRY_HOST_DEVICE inline float PlaneTAcross(const Line& line, float plane, int axis) {
+  const float reciprocal = axis == 0   ? line.reciprocal[0]
+                           : axis == 1 ? line.reciprocal[1]
+                                       : line.reciprocal[2];
+  const float shift = axis == 0 ? line.shift[0] : axis == 1 ? line.shift[1] : line.shift[2];
   return ScalarLane::Fma(plane, reciprocal, shift);
 }
 /// Whether the ray goes to greater coordinates along an axis that is not known at compile time.
-QUARRY_HOST_DEVICE inline bool GoesUp(const RayFrame<ScalarLane>& frame, int axis) {
-  return (axis == 0 ? frame.reciprocal[0] : axis == 1 ? frame.reciprocal[1] : frame.reciprocal[2]) > 0;
+template <class Line>
+QUARRY_HOST_DEVICE inline bool GoesUp(const Line& line, int axis) {
+  return (axis == 0 ? line.reciprocal[0] : axis == 1 ? line.reciprocal[1] : line.reciprocal[2]) > 0;
 }
 
-/// Through nodes of the kd-tree: Walk() in steps.
+/// A ray at a split.
+struct AtSplit {
+  float plane;              ///< the t at which the ray meets the split's plane
+  uint32_t far_side, side;  ///< children, 0 the left one: the child beyond the plane, the child that holds t
+  bool crosses;             ///< the part of the ray in the node goes on from `side` to `far_side`
+};
+
+/// `position`: the split's plane, scene units. [t, t_exit]: the part of the ray in the node.
+template <class Line>
+QUARRY_HOST_DEVICE inline AtSplit MeetSplit(const Line& line, float position, int axis, float t,
+                                            float t_exit) {
+  const float plane = PlaneTAcross(line, position, axis);
+  const uint32_t far_side = GoesUp(line, axis) ? 1 : 0;
+  const bool in_near = t < plane;
+  return {plane, far_side, far_side ^ static_cast<uint32_t>(in_near), in_near && plane < t_exit};
+}
+
+/// Whether a ray that climbs at `t` is still in a box; t_exit: where it leaves the box, at most the t_exit
+/// given.
+template <class Line>
+QUARRY_HOST_DEVICE inline bool IsStillIn(const Line& line, const float (&lower)[3], const float (&upper)[3],
+                                         float t, float& t_exit) {
+  float enter = 0;
+  const auto t_of = [&](float plane, int axis) {
+    return ScalarLane::Fma(plane, line.reciprocal[axis], line.shift[axis]);
+  };
+  ClipToSlabs<ScalarLane>(lower, upper, t_of, enter, t_exit);
+  return t < t_exit && enter <= t;
+}
+
+/// The rope of the face by which a ray leaves a leaf; t_exit: where.
+template <class Line>
+QUARRY_HOST_DEVICE inline uint32_t RopeAhead(const Line& line, const RopeLeaf& leaf, float& t_exit) {
+  uint32_t face = 0;
+  t_exit = kInfinity;
+  for (uint32_t a = 0; a < 3; ++a) {
+    const bool up = line.reciprocal[a] > 0;
+    const float exit = ScalarLane::Fma(up ? leaf.upper[a] : leaf.lower[a], line.reciprocal[a], line.shift[a]);
+    face = exit < t_exit ? 2 * a + (up ? 1 : 0) : face;
+    t_exit = ScalarLane::Min(exit, t_exit);
+  }
+  return leaf.ropes[face];
+}
+
+/// Through nodes of the kd-tree.
 template <Way kWay>
 class KdSteps {
  public:
-  using Node = KdNode;
   /// The state that the top-level tree keeps of a ray that is in a voxel.
   struct Place {
     uint32_t resume = 0;
@@ -81,16 +134,7 @@ class KdSteps {
     leaf = {node_.first(), node_.first() + node_.count()};
     if constexpr (kWay == Way::kRopes) {
       const RopeLeaf& record = RopeLeafAt(nodes_, node_.first());
-      uint32_t face = 0;
-      t_exit = kInfinity;
-      for (uint32_t a = 0; a < 3; ++a) {
-        const bool up = frame.reciprocal[a] > 0;
-        const float exit =
-            ScalarLane::Fma(up ? record.upper[a] : record.lower[a], frame.reciprocal[a], frame.shift[a]);
-        face = exit < t_exit ? 2 * a + (up ? 1 : 0) : face;
-        t_exit = ScalarLane::Min(exit, t_exit);
-      }
-      resume_ = record.ropes[face];
+      resume_ = RopeAhead(frame, record, t_exit);
       leaf = {record.first, record.first + record.count};
     }
     return leaf.first != leaf.last ? Reached::kLeaf : Reached::kEnd;
@@ -116,9 +160,7 @@ class KdSteps {
         node = header.root;
         t_exit = t_end;
         if (header.parent == 0) break;
-        float enter = 0;
-        ClipToBox<ScalarLane>(frame, header.lower, header.upper, enter, t_exit);
-        if (t < t_exit && enter <= t) break;
+        if (IsStillIn(frame, header.lower, header.upper, t, t_exit)) break;
         resume_ = header.parent;
       }
     }
@@ -133,23 +175,21 @@ class KdSteps {
   }
 
   QUARRY_HOST_DEVICE void Down(const RayFrame<ScalarLane>& frame, float& t, float& t_exit) {
-    const int axis = node_.axis();
-    const float plane = PlaneTAcross(frame, node_.split(), axis);
-    const uint32_t far_side = GoesUp(frame, axis) ? 1 : 0, left = node_.left();
-    const bool in_near = t < plane, crosses = in_near && plane < t_exit;
-    uint32_t side = far_side ^ static_cast<uint32_t>(in_near);
+    const AtSplit at = MeetSplit(frame, node_.split(), node_.axis(), t, t_exit);
+    const uint32_t left = node_.left();
+    uint32_t side = at.side;
     if constexpr (kWay == Way::kClimb) {
       if (node_.begins_treelet()) resume_ = left;
-      if (crosses && node_.child_empty(1 - far_side)) {
-        t = plane;
-        side = far_side;
-      } else if (crosses && !node_.child_empty(far_side)) {
-        t_exit = plane;
+      if (at.crosses && node_.child_empty(1 - at.far_side)) {
+        t = at.plane;
+        side = at.far_side;
+      } else if (at.crosses && !node_.child_empty(at.far_side)) {
+        t_exit = at.plane;
       }
     }
     if constexpr (kWay == Way::kPushDown) {
-      if (crosses) {
-        t_exit = plane;
+      if (at.crosses) {
+        t_exit = at.plane;
         whole_ = false;
       }
       if (whole_) resume_ = left + side;
@@ -171,7 +211,6 @@ class KdSteps {
 /// Through wide nodes, with a trail: WideTracer in steps, one ray against the eight cells of a node.
 class WideSteps {
  public:
-  using Node = WideNode;
   struct Place {
     uint32_t node = 0;
     WideTrail trail;

@@ -1,5 +1,5 @@
 // The papers' structures on vectors find the same hits as single rays.
-#include "tests/laboratory/lanes/simt.h"
+#include "tests/laboratory/variants/simt.h"
 
 #include <hwy/targets.h>
 
