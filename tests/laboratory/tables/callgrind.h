@@ -1,10 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <istream>
 #include <map>
 #include <span>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "common/base/status.h"
@@ -43,11 +43,11 @@ std::string WhyNotCounted();
 Result<FunctionCosts> CountInstructions(const std::vector<std::string>& command,
                                         std::span<const std::string> functions, bool at_request = false);
 
-/// Reads a profile in callgrind's format. Source: "Callgrind Format Specification", version 1, of the
-/// valgrind manual; with name compression, relative positions and jumps, of any events with Ir among them.
-/// `name`: the profile's name in errors. Errors: lines that are none of the format, no event Ir, instructions
-/// that do not add up to the profile's own total.
-Result<FunctionCosts> ReadCallgrindProfile(std::string_view profile, const std::string& name,
+/// Reads a profile in callgrind's format, as CountInstructions() asks for it: of one event, without
+/// compressed names and without relative positions. Source: "Callgrind Format Specification", version 1, of
+/// the valgrind manual. `name`: the profile's name in errors. Errors: instructions that do not add up to the
+/// profile's own total.
+Result<FunctionCosts> ReadCallgrindProfile(std::istream& profile, const std::string& name,
                                            std::span<const std::string> functions);
 
 }  // namespace quarry::laboratory
