@@ -4,26 +4,15 @@
 #include <vector>
 
 #include "common/kdtree/instruction_sets.h"
-#include "tests/laboratory/variants/packet_treelet_trace.h"
 
 namespace quarry {
 namespace {
-
-using enum test::TreeLayout;
 
 std::vector<Variant> MakeAll() {
   std::vector<Variant> all;
   for (const Kernel& kernel : Kernels()) {
     const KernelFunctions& functions = kernel;
-    all.push_back({functions, kernel.isa, NameOf(kernel.grouping), "treelets", kTreelets});
-  }
-  for (const std::string_view isa : InstructionSets()) {
-    const KernelFunctions& packets = isa == "avx512" ? kPacketsAvx512
-                                     : isa == "avx2" ? kPacketsAvx2
-                                                     : kPacketsScalar;
-    all.push_back({packets, isa, "packet", "treelets", kTreelets});
-    all.push_back({packets, isa, "packet", "backtrack", kBacktrack});
-    all.push_back({packets, isa, "packet", "restart", kRestart});
+    all.push_back({functions, kernel.isa, NameOf(kernel.grouping), "treelets", test::TreeLayout::kTreelets});
   }
   if (std::ranges::count(InstructionSets(), "scalar") != 0)
     all.insert(all.end(), GpuKernels().begin(), GpuKernels().end());

@@ -1,10 +1,8 @@
 #include "common/kdtree/simd_lane.h"
-#include "tests/laboratory/variants/packet_treelet_trace.h"
 #include "tests/laboratory/variants/simt_ways.h"
 
 namespace quarry {
 
-constinit const KernelFunctions kPacketsAvx2 = PacketsOf<HWY_NAMESPACE::SimdLane>();
 constinit const laboratory::SimtFunctions laboratory::kSimtAvx2 =
     laboratory::FunctionsFor<HWY_NAMESPACE::SimdLane>("avx2");
 

@@ -1,10 +1,8 @@
 #include "common/kdtree/simd_lane.h"
-#include "tests/laboratory/variants/packet_treelet_trace.h"
 #include "tests/laboratory/variants/simt_ways.h"
 
 namespace quarry {
 
-constinit const KernelFunctions kPacketsAvx512 = PacketsOf<HWY_NAMESPACE::SimdLane>();
 constinit const laboratory::SimtFunctions laboratory::kSimtAvx512 =
     laboratory::FunctionsFor<HWY_NAMESPACE::SimdLane>("avx512");
 

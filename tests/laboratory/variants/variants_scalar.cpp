@@ -1,8 +1,8 @@
 #include "common/kdtree/gpu/persistent_warps.h"
 #include "common/kdtree/lane.h"
 #include "common/kdtree/ray_source.h"
+#include "common/kdtree/trace/render_kernels.h"
 #include "tests/laboratory/variants/all_kernels.h"
-#include "tests/laboratory/variants/packet_treelet_trace.h"
 
 namespace quarry {
 namespace {
@@ -36,8 +36,6 @@ struct WarpTrace {
 };
 
 }  // namespace
-
-constinit const KernelFunctions kPacketsScalar = PacketsOf<ScalarLane>();
 
 std::span<const Variant> GpuKernels() {
   static const std::vector<Variant> kernels = [] {
