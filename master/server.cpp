@@ -100,7 +100,9 @@ Status Server::Run() {
                                           [this](const std::string& line) { Log(line); }));
     Print(fmt::format("viewing {}\n", display_->url()));
   }
-  Print(fmt::format("listening {}:{}\n", options_.listen.host, listener_->port()));
+  Print(fmt::format("listening {}\n", TextOf({options_.listen.host, listener_->port()})));
+  // For programs: the address of the pages on this machine, which a proxy's URL does not show.
+  if (display_) Print(fmt::format("serving {}\n", TextOf({options_.display->listen.host, display_->port()})));
   FlushOutput();
   if (!options_.spool.empty()) termination_ = Termination::Take(io_, [this] { StartLeaving(); });
   NotifyReady(fmt::format("listening at {}:{}", options_.listen.host, listener_->port()));

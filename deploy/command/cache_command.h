@@ -19,7 +19,7 @@ struct CacheArguments {
 /// Adds the commands list, limit and clear to `command`. Requires: `arguments` outlives the parsing.
 void AddCacheCommands(CLI::App& command, CacheArguments& arguments);
 
-/// Runs the command that was given. Errors: usage; the cache folder cannot be read or written.
+/// Runs the parsed command. Errors: usage; the cache folder cannot be read or written.
 Status RunCacheCommand(const CLI::App& command, const CacheArguments& arguments);
 
 }  // namespace quarry

@@ -15,7 +15,7 @@
 namespace quarry {
 namespace {
 
-/// How many names are shown of models, cameras and lights.
+/// Number of names shown for models, cameras and lights.
 constexpr size_t kShown = 8;
 
 /// The number of cameras or lights, and the names of the first eight.

@@ -49,7 +49,7 @@ std::vector<std::string> Benches() {
   return names;
 }
 
-/// Commands that are programs of their own.
+/// Commands that start other programs.
 struct ProgramCommand {
   std::string_view command;
   const char* program;
@@ -61,7 +61,8 @@ constexpr ProgramCommand kProgramCommands[] = {
     {"worker", "quarry-worker", "Render for a master (the program quarry-worker)"},
     {"scene", "quarry-scene", "Write a generated model (the program quarry-scene)"}};
 
-/// Becomes the program of `quarry COMMAND ...`. Returns: the exit status where it is not to be had.
+/// Becomes the program of `quarry COMMAND ...`. Returns only if that program cannot be started: the exit
+/// status.
 int BecomeProgram(const ProgramCommand& command, char** argv) {
   const std::string path = SiblingProgram(command.program);
   ::execv(path.c_str(), argv + 1);

@@ -55,7 +55,7 @@ std::string KeptName(const std::string& model, const ImportArguments& import) {
   return fmt::format("{}-{:016x}{}", stem, Checksum(AsBytes(key)), kStoreExtension);
 }
 
-/// Whether a file bears a name as KeptName() gives it.
+/// Whether a file's name has the form of KeptName().
 bool IsKeptName(const std::string& name) {
   constexpr size_t kHash = 16, kEnd = kHash + std::string_view(kStoreExtension).size();
   return name.ends_with(kStoreExtension) && name.size() > kEnd && name[name.size() - kEnd - 1] == '-' &&
@@ -157,10 +157,10 @@ Status PrepareFolder(const std::string& folder) {
 
 /// Waits while another process makes this store.
 Result<FileLock> AwaitTurn(const std::string& store, const std::string& model, bool quiet) {
-  for (bool told = quiet;; told = true) {
+  for (bool reported = quiet;; reported = true) {
     QUARRY_ASSIGN(std::optional<FileLock> lock, FileLock::TryTake(store + ".turn"));
     if (lock) return std::move(*lock);
-    if (!told) Log(fmt::format("{}: another program is preprocessing it; waiting", model));
+    if (!reported) Log(fmt::format("{}: another program is preprocessing it; waiting", model));
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
 }
@@ -188,12 +188,12 @@ Status Make(const std::string& model, const ImportArguments& import, const std::
   ::umask(before);
   QUARRY_ASSIGN(const int status, ran);
   // The preprocessor has reported any error itself, except when a signal ended it.
-  const bool told = status == 1 || status == 2;
+  const bool reported = status == 1 || status == 2;
   if (status != 0 && !fs::exists(store + ".work", error)) fs::remove(RecordOf(store), error);
   if (status != 0)
     return tl::unexpected<Error>(
-        told ? Error{"", KindOfExit(status)}
-             : Error{fmt::format("{}: quarry-preprocess was ended by the system", model)});
+        reported ? Error{"", KindOfExit(status)}
+                 : Error{fmt::format("{}: quarry-preprocess was ended by the system", model)});
   SetModeOf(model, store);
   QUARRY_ASSIGN(const uint64_t limit, KeptStoresLimit());
   if (limit == 0) return {};

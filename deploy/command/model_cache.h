@@ -47,7 +47,7 @@ struct KeptStore {
 Result<std::vector<KeptStore>> ListKeptStores();
 
 /// Removes stores, least recently used first, until the cache folder holds at most `most` bytes. A process
-/// that reads a removed store can go on; a store that is being made stays. Returns: the removed stores.
+/// that reads a removed store can continue; a store that is being made is kept. Returns: the removed stores.
 Result<std::vector<KeptStore>> ShrinkKeptStores(uint64_t most);
 
 /// The user's limit of bytes in the cache folder; 0 for none. Applied after each store is made. Errors: the

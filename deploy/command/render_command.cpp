@@ -92,7 +92,7 @@ double Total(const nlohmann::ordered_json& frames, const char* key) {
   return sum;
 }
 
-/// Where the time of a run went. Units: seconds.
+/// The times of a run's phases. Units: seconds.
 struct RunTimes {
   double wall_s = 0;
   double start_s = 0;  ///< until the job was sent: the cluster's start, or the model's preprocessing
@@ -117,9 +117,10 @@ RunTimes TimesOf(const nlohmann::ordered_json& frames, double wall_s, double sta
   t.load_s = between * stall / std::max(stall + compute, 1e-9);
   t.trace_s = between - t.load_s;
   t.write_s = wall_s - t.start_s - between;
-  const bool told = !frames.empty() && frames[0].is_object() && frames[0].contains("first_tile_s") &&
-                    frames[0]["first_tile_s"].is_number();
-  t.first_pixel_s = std::min(wall_s, t.start_s + (told ? frames[0]["first_tile_s"].get<double>() : between));
+  const bool is_known = !frames.empty() && frames[0].is_object() && frames[0].contains("first_tile_s") &&
+                        frames[0]["first_tile_s"].is_number();
+  t.first_pixel_s =
+      std::min(wall_s, t.start_s + (is_known ? frames[0]["first_tile_s"].get<double>() : between));
   return t;
 }
 
@@ -177,7 +178,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
       a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
 }
 
-/// The store that the scene of a local cluster is in; a model is preprocessed first.
+/// The store of a local cluster's scene; a model is preprocessed first.
 Result<std::string> StoreToRender(const RenderArguments& a) {
   if (!IsRemote(a.scene)) return StoreFor(a.scene, a.import, a.quiet);
   QUARRY_TRY(RefuseImportOptions(a.import, a.scene + " is a store"));

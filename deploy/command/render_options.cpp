@@ -137,7 +137,7 @@ Status ReadPath(const RenderArguments& a, const glm::dvec3& up, RenderJob& job) 
   return {};
 }
 
-/// The direction that --view names; none: it is left to the scene.
+/// The direction that --view names; none: the scene's default.
 Result<std::optional<NamedView>> NamedViewOf(const RenderArguments& a) {
   if (a.view.empty() || a.has_view_file()) return std::optional<NamedView>();
   for (int v = 0; v < kNamedViews; ++v)

@@ -47,7 +47,7 @@ struct RenderArguments {
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
 
 /// The part of a job that needs no scene: image, mode, samples; of a view file, all but its camera and
-/// lights. Reads every file that options name, so that bad input is told before a model is preprocessed.
+/// lights. Reads every file that options name, so that bad input is reported before a model is preprocessed.
 /// Errors (usage): an option's value that cannot be, or an option without effect. Errors: a file that cannot
 /// be read.
 Result<RenderJob> JobWithoutScene(const RenderArguments& arguments);

@@ -145,7 +145,7 @@ void Announce(const ViewArguments& a, const PrivateFolder& folder, const std::st
 }
 
 /// Lets the page say that the model could not be made into a scene, before its server ends.
-void TellFailure(const std::string& progress_file) {
+void ReportFailure(const std::string& progress_file) {
   (void)WriteFileAtomically(
       progress_file,
       AsBytes(R"({"step": "failed", "done": 0, "eta_s": null, "failed": true, "message": )"
@@ -196,7 +196,7 @@ Status ShowLive(const ViewArguments& a) {
                              a.tls_cert, a.tls_key,     a.up_axis};
   std::string store, url;
   {
-    // A store needs no page; a model may take long.
+    // A store needs no page of progress; a model may take long.
     std::unique_ptr<PreparingPage> page;
     if (std::error_code error; fs::exists(a.scene, error) && !a.scene.ends_with(".quarry")) {
       const std::string progress = folder->file("progress");
@@ -208,7 +208,7 @@ Status ShowLive(const ViewArguments& a) {
     if (IsRemote(a.scene)) QUARRY_TRY(RefuseImportOptions(a.import, a.scene + " is a store"));
     auto made = IsRemote(a.scene) ? Result<std::string>(a.scene) : StoreFor(a.scene, a.import, a.quiet);
     if (!made) {
-      if (page) TellFailure(folder->file("progress"));
+      if (page) ReportFailure(folder->file("progress"));
       return tl::unexpected<Error>(made.error());
     }
     PrintOnSignal(GoesOn(a));

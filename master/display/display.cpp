@@ -23,7 +23,7 @@ using nlohmann::ordered_json;
 
 /// Viewers at once; more get a sentence.
 constexpr size_t kMostViewers = 64;
-constexpr double kTellEveryS = 1;
+constexpr double kReportEveryS = 1;
 constexpr uint32_t kDefaultWidth = 1024, kDefaultHeight = 768;
 uint64_t FirstFrame() { return kFirstLiveFrame | uint64_t{std::random_device{}()} << 24; }
 
@@ -293,8 +293,8 @@ void Display::Tick() {
   stats_.Sample(now_s, workers_, Counters());
   SendState();
   AssignSoon();  // late tiles
-  if (now_s - told_s_ < kTellEveryS) return;
-  told_s_ = now_s;
+  if (now_s - reported_s_ < kReportEveryS) return;
+  reported_s_ = now_s;
   for (const auto& [id, viewer] : std::map(viewers_)) {  // a viewer may end
     viewer->Sample(now_s);
     viewer->Send(stats_.Json(viewer->frames_per_s()));

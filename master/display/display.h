@@ -34,6 +34,8 @@ class Display : private LiveDispatcher::Sink {
 
   /// The address with the token, which gives a browser access.
   std::string url() const;
+  /// The port in use.
+  uint16_t port() const { return server_->port(); }
 
   /// Whether a frame is the display's and not a job's.
   static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame; }
@@ -91,7 +93,7 @@ class Display : private LiveDispatcher::Sink {
   std::string state_;    ///< JSON that was sent to viewers last
   uint64_t frames_of_gone_ = 0, abandoned_of_gone_ = 0;
   uint32_t next_viewer_ = 1;
-  double told_s_ = 0;
+  double reported_s_ = 0;
   bool assigning_ = false;
   EncodingThread moving_, exact_;
   const std::unique_ptr<VoxelSource> source_;

@@ -204,21 +204,21 @@ void Viewer::OnPick(const PickMessage& pick) {
 void Viewer::OnSave(SaveMessage message) {
   saved_.reset();
   if (!message.job) return;
-  const auto told = [save = message.save](const SavedPictures::News& news) {
+  const auto answer_of = [save = message.save](const SavedPictures::News& news) {
     ordered_json j{{"type", "saved"}, {"save", save}, {"done", news.done}};
     if (!news.failure.empty()) j["error"] = news.failure;
     if (!news.file.empty()) j.update({{"file", news.file}, {"bytes", news.bytes}});
     return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
   };
   auto asked = site_.saved.Ask(std::move(*message.job),
-                               [self = weak_from_this(), told](const SavedPictures::News& news) {
+                               [self = weak_from_this(), answer_of](const SavedPictures::News& news) {
                                  if (const auto viewer = self.lock(); viewer && !viewer->gone_)
-                                   viewer->SendAnswer(told(news));
+                                   viewer->SendAnswer(answer_of(news));
                                });
   if (asked)
     saved_ = std::move(*asked);
   else
-    SendAnswer(told({.failure = asked.error().message}));
+    SendAnswer(answer_of({.failure = asked.error().message}));
 }
 
 /// Takes memory for a view of this size.

@@ -94,10 +94,10 @@ void JobFrames::SendProgress(std::span<ActiveFrame* const> frames) const {
   if (workers == 0)  // a client that waits learns why
     for (const auto& job : jobs_.all())
       for (const Job::Client& client : job->clients) send(client, {job->Number(client.next), 0, 0, 0});
-  std::set<const Job*> told;
+  std::set<const Job*> notified;
   for (const ActiveFrame* frame : frames) {
     const Job* job = under_way_.at(frame->id()).frame.job.get();
-    if (!told.insert(job).second) continue;
+    if (!notified.insert(job).second) continue;
     for (const Job::Client& client : job->clients)
       send(client, {NumberOf(frame->id()), frame->tiles_done(),
                     static_cast<uint32_t>(frame->image().tiles().size()), workers});

@@ -216,10 +216,10 @@ Result<double> Jobs::ExposureOf(Job& job) {
 /// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.
 template <class Write>
 void Jobs::WriteToSpool(const Job& job, Write write) const {
-  for (bool told = false; !job.over && !stop_.stop_requested(); told = true) {
+  for (bool reported = false; !job.over && !stop_.stop_requested(); reported = true) {
     const Status status = write();
     if (status) break;
-    if (!told) callbacks_.log(status.error().message + "; trying every second");
+    if (!reported) callbacks_.log(status.error().message + "; trying every second");
     std::this_thread::sleep_for(std::chrono::seconds(1));
   }
   if (job.over) spool_->Remove(job.id);  // it may have ended while this was at work

@@ -72,7 +72,7 @@ void LiveDispatcher::End(FrameId id) {
   it->second.leases.ForEach([&](uint32_t, const TileLease& lease) { --workers_.at(lease.worker).held; });
   frames_.erase(it);
   for (auto& [worker_id, worker] : workers_)
-    if (worker.told.erase(id) > 0) worker.ended.push_back(id);
+    if (worker.announced.erase(id) > 0) worker.ended.push_back(id);
 }
 
 void LiveDispatcher::RemoveViewer(uint32_t viewer) {
@@ -163,7 +163,7 @@ void LiveDispatcher::Give(uint32_t id, FrameId frame_id, uint32_t number, double
   Frame& frame = frames_.at(frame_id);
   Viewer& viewer = viewers_.at(frame.viewer);
   const Wanted& tile = frame.tiles.at(number);
-  if (worker.told.insert(frame_id).second) sink_.SetUp(id, frame_id, frame.view);
+  if (worker.announced.insert(frame_id).second) sink_.SetUp(id, frame_id, frame.view);
   ++worker.held;
   viewer.used_s += CostOf(viewer, frame, tile.area);
   TileOrder order{frame_id, number, frame.leases.Give(number, id, now_s), tile.area};

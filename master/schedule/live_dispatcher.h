@@ -93,9 +93,9 @@ class LiveDispatcher {
   };
   struct Worker {
     uint32_t threads;
-    uint32_t held = 0;           ///< tiles
-    std::set<FrameId> told;      ///< frames that it knows
-    std::vector<FrameId> ended;  ///< of these, to be told
+    uint32_t held = 0;            ///< tiles
+    std::set<FrameId> announced;  ///< frames that the worker was given
+    std::vector<FrameId> ended;   ///< of these: their end is still to be announced
     bool MayHave(LiveUrgency urgency) const;
   };
   static constexpr uint32_t kCells = 32;  ///< a side, of the grid of owners

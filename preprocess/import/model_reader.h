@@ -32,8 +32,8 @@ class ModelReader {
   ModelReader(ModelReader&& other) noexcept;
   ModelReader& operator=(ModelReader&&) = delete;
 
-  /// Calls `told` about once a MiB with the bytes read of the file as stored, and its size. Never called for
-  /// standard input, whose size is unknown.
+  /// Calls `on_read` about once a MiB with the bytes read of the file as stored, and its size. Never called
+  /// for standard input, whose size is unknown.
   void OnRead(std::function<void(uint64_t done, uint64_t total)> on_read);
 
   /// The path for error sentences, or "standard input".

@@ -26,15 +26,15 @@ class RegionNormals {
     share_ = share;
     fans_.Clear();
     found_.clear();
-    told_.clear();
+    received_.clear();
     if (border_ == nullptr) return {};
     SpillReader reader(*border_);
     while (const std::byte* bytes = reader.Next()) {
       BorderNormal entry;
       std::memcpy(&entry, bytes, sizeof entry);
-      if (share_.Has(entry.hash())) told_.push_back(entry);
+      if (share_.Has(entry.hash())) received_.push_back(entry);
     }
-    std::ranges::sort(told_, {}, KeyOf);
+    std::ranges::sort(received_, {}, KeyOf);
     return reader.status();
   }
 
@@ -46,9 +46,9 @@ class RegionNormals {
       if (!share_.Has(hash)) continue;
       if (Contains(cell_, t.vertices[k]))
         fans_.Add(t, number, k, hash);
-      else if (const auto told = std::ranges::lower_bound(told_, Key{t.id, k}, {}, KeyOf);
-               told != told_.end() && KeyOf(*told) == Key{t.id, k})
-        found_.push_back({number, k, told->normal});
+      else if (const auto received = std::ranges::lower_bound(received_, Key{t.id, k}, {}, KeyOf);
+               received != received_.end() && KeyOf(*received) == Key{t.id, k})
+        found_.push_back({number, k, received->normal});
     }
   }
 
@@ -69,7 +69,7 @@ class RegionNormals {
   const SpillFile* border_;
   HashShare share_;
   CornerFans fans_;
-  std::vector<BorderNormal> told_;
+  std::vector<BorderNormal> received_;
   std::vector<CornerNormal> found_;
 };
 

@@ -281,7 +281,7 @@ void Simulation::Fetch(Worker& w, uint32_t block) {
     if (peer) w.peer_answers.Add(clock_.now_s() - asked_s);
     std::vector<BlockKey> gone;
     w.stored.Insert(Key(block), block_bytes_[block], false, gone);
-    TellHoldings(w, gone);
+    ReportHoldings(w, gone);
     Decode(w, block);
   });
 }
@@ -294,7 +294,7 @@ void Simulation::Decode(Worker& w, uint32_t block) {
     std::vector<BlockKey> gone;
     w.decoded.Insert(Key(block), decoded, false, gone);
     gone.push_back(Key(block));
-    TellHoldings(w, gone);
+    ReportHoldings(w, gone);
     --w.in_flight;
     for (const auto& tile : std::exchange(w.waiting[block], {})) Slice(w, tile);
     w.waiting.erase(block);
@@ -302,8 +302,8 @@ void Simulation::Decode(Worker& w, uint32_t block) {
   });
 }
 
-/// Tells the dispatcher whether the worker holds these blocks.
-void Simulation::TellHoldings(Worker& w, const std::vector<BlockKey>& blocks) {
+/// Reports to the dispatcher whether the worker holds these blocks.
+void Simulation::ReportHoldings(Worker& w, const std::vector<BlockKey>& blocks) {
   for (const BlockKey b : blocks) w.holds.Set(catalog_.NumberOf(b), w.stored.Has(b) || w.decoded.Has(b));
 }
 

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 
 #include "common/base/bytes.h"
 #include "common/base/log.h"
@@ -143,20 +144,25 @@ void PrintRendering(const ClusterArguments& a, const SlurmJob& job) {
                     job.is_array ? fmt::format("quarry-{}_*.log", job.id) : job.log, job.id));
 }
 
-/// `master`: HOST:PORT. The live view's address is a secret, which the job's folder has.
-void PrintCluster(const ClusterArguments& a, const SlurmJob& job, const std::string& master) {
+/// The one line of a file in the job's folder.
+std::string JobLine(const SlurmJob& job, const char* file) {
+  std::string line;
+  std::getline(std::ifstream(fmt::format("quarry-{}/{}", job.id, file)), line);
+  return line;
+}
+
+/// The live view's URL is a secret, which the job's folder has.
+Status PrintCluster(const ClusterArguments& a, const SlurmJob& job, const Endpoint& master) {
   const std::string secret = a.secret_file.empty() ? fmt::format("quarry-{}/secret", job.id) : a.secret_file;
   Print(fmt::format(
       "job {} runs until: quarry cluster --stop {}\nrender: quarry render -o picture.png --master {} "
       "--secret-file {}\n",
-      job.id, job.id, master, Quoted(secret)));
-  if (a.http.empty()) return;
-  std::string url;
-  std::getline(std::ifstream(fmt::format("quarry-{}/url", job.id)), url);
-  const size_t path = url.find("/?"), colon = url.rfind(':', path);
-  const std::string port = colon < path ? url.substr(colon + 1, path - colon - 1) : "";
-  Print(fmt::format("live view: ssh -L {}:{}:{} {}, then open {}\n", port,
-                    a.http.substr(0, a.http.rfind(':')), port, master.substr(0, master.rfind(':')), url));
+      job.id, job.id, TextOf(master), Quoted(secret)));
+  if (a.http.empty()) return {};
+  QUARRY_ASSIGN(const Endpoint view, ParseEndpoint(JobLine(job, "http"), "the job's live view"));
+  Print(fmt::format("live view: ssh -L {}:{}:{} {}, then open {}\n", view.port, view.host, view.port,
+                    master.host, JobLine(job, "url")));
+  return {};
 }
 
 /// The script, and the command that submits it.
@@ -187,14 +193,14 @@ Status Start(const ClusterArguments& a) {
     return {};
   }
   QUARRY_ASSIGN(const SlurmJob job, SubmitJob(submission));
-  std::string address;
-  if (!a.no_wait) {
-    QUARRY_ASSIGN(address, AwaitStart(job));
-  }
-  if (!a.render.empty() || address.empty())
+  if (a.no_wait || !a.render.empty()) {
+    if (!a.no_wait) QUARRY_TRY(AwaitStart(job).map([](auto&&) {}));
     PrintRendering(a, job);
-  else
-    PrintCluster(a, job, address);
+    return {};
+  }
+  QUARRY_ASSIGN(const std::optional<Endpoint> master, AwaitStart(job));
+  if (master) return PrintCluster(a, job, *master);
+  PrintRendering(a, job);
   return {};
 }
 

@@ -110,8 +110,8 @@ struct JobState {
   std::string state, reason;  ///< as squeue names them; empty: Slurm knows the job no more
 };
 Result<JobState> StateOf(const SlurmJob& job) {
-  QUARRY_ASSIGN(const std::string told, AskOf(job.id, "%T %r"));
-  std::istringstream line(told);
+  QUARRY_ASSIGN(const std::string answer, AskOf(job.id, "%T %r"));
+  std::istringstream line(answer);
   JobState state;
   line >> state.state;
   std::getline(line >> std::ws, state.reason);
@@ -163,15 +163,18 @@ Result<SlurmJob> SubmitJob(const SlurmSubmission& submission) {
   return SlurmJob{id, fmt::format("quarry-{}.log", id), submission.is_array};
 }
 
-Result<std::string> AwaitStart(const SlurmJob& job) {
+Result<std::optional<Endpoint>> AwaitStart(const SlurmJob& job) {
   using namespace std::chrono_literals;
   PrintOnSignal(fmt::format("job {} stays; quarry cluster --stop {} ends it", job.id, job.id));
-  std::string told;
+  std::string last_state;
   for (bool gone = false;;) {
     if (const auto sentence = LineOf(job.log, "failed:"))
       return Fail(fmt::format("job {}: {}", job.id, *sentence));
-    if (const auto address = LineOf(job.log, "ready")) return *address;
-    if (LineOf(job.log, "done")) return std::string();
+    if (const auto address = LineOf(job.log, "ready")) {
+      QUARRY_ASSIGN(const Endpoint master, ParseEndpoint(*address, job.log));
+      return master;
+    }
+    if (LineOf(job.log, "done")) return std::nullopt;
     QUARRY_ASSIGN(const JobState state, StateOf(job));
     if (IsHopeless(state.reason)) {
       Cancel(job);
@@ -184,8 +187,8 @@ Result<std::string> AwaitStart(const SlurmJob& job) {
       continue;
     }
     const std::string now = state.state == "PENDING" ? fmt::format("waits ({})", state.reason) : "starts";
-    if (now != told) Log(fmt::format("quarry: job {} {}", job.id, told = now));
-    if (job.is_array && state.state != "PENDING") return std::string();
+    if (now != last_state) Log(fmt::format("quarry: job {} {}", job.id, last_state = now));
+    if (job.is_array && state.state != "PENDING") return std::nullopt;
     std::this_thread::sleep_for(300ms);
   }
 }

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/net/connection.h"
 
 namespace quarry {
 
@@ -26,10 +28,10 @@ struct SlurmSubmission {
 Result<SlurmJob> SubmitJob(const SlurmSubmission& submission);
 
 /// Waits until the job runs, or for a job array until a task does, and tells why it waits. Returns: the
-/// master's HOST:PORT; empty for an array, or when the job is done already.
+/// master's address; none for an array, or when the job is done already.
 /// Errors: the job has failed at its start, in its own sentence; Slurm would never start it, and it is
 /// cancelled; Slurm does not answer.
-Result<std::string> AwaitStart(const SlurmJob& job);
+Result<std::optional<Endpoint>> AwaitStart(const SlurmJob& job);
 
 /// Ends a job, or a task of an array ("12_3"), waits until it is gone, and removes the files that it has left
 /// in its folder. Errors (usage): no number of a job. Errors: no such job; one of another program; Slurm does

@@ -7,7 +7,7 @@ export function quoted(text) {
 
 /// The members of a view that options can express. If any other member differs from the default, the command has the
 /// whole view in a file.
-const TOLD = ['camera', 'size', 'mode', 'spp', 'exposure'];
+const EXPRESSIBLE = ['camera', 'size', 'mode', 'spp', 'exposure'];
 
 /// `scene.store`: the scene's place for the master. `defaults`: the server's default view. `view`: with all members.
 /// `output`: the picture's name, with ".png". Returns one line for a shell.
@@ -15,8 +15,8 @@ export function command(scene, defaults, view, output) {
   // A word that begins with a dash would be an option.
   const [store, picture] = [scene.store, output].map((name) => (name.startsWith('-') ? `./${name}` : name));
   const render = ['quarry', 'render', quoted(store), '-o', quoted(picture)];
-  const isTold = Object.keys(view).every((name) => TOLD.includes(name) || JSON.stringify(view[name]) === JSON.stringify(defaults[name]));
-  if (!isTold) {
+  const isExpressible = Object.keys(view).every((name) => EXPRESSIBLE.includes(name) || JSON.stringify(view[name]) === JSON.stringify(defaults[name]));
+  if (!isExpressible) {
     const file = quoted(picture.replace(/\.png$/, '.view.json'));
     return `printf %s ${quoted(JSON.stringify(view))} > ${file} && ${[...render, '--view', file].join(' ')}`;
   }

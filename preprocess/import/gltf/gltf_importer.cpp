@@ -47,7 +47,7 @@ class GltfImport {
     QUARRY_ASSIGN(const std::vector<std::string> warnings, CheckGltfExtensions(document_));
     for (const std::string& warning : warnings) sink_.Warn(warning);
     QUARRY_TRY(materials_.Read());
-    materials_.TellLeftOut();
+    materials_.WarnOfLeftOut();
     QUARRY_TRY(ReadGltfViews(document_, sink_));
     QUARRY_ASSIGN(GltfNodes nodes, GltfNodes::Open(document_));
     for (;;) {

@@ -77,7 +77,7 @@ uint32_t GltfMaterials::UvSetOf(const Json& primitive) const {
   return index && *index < known_.size() ? known_[*index].uv_set : 0;
 }
 
-void GltfMaterials::TellLeftOut() const {
+void GltfMaterials::WarnOfLeftOut() const {
   CarriedFields fields;
   const auto each = [](const Json& list, const char* key, auto&& use) {
     const auto found = list.find(key);

@@ -33,7 +33,7 @@ class GltfMaterials {
   Result<Use> Find(const nlohmann::json& primitive, const std::string& mesh);
 
   /// Reports to the sink the document's fields that are not read. Requires: Read().
-  void TellLeftOut() const;
+  void WarnOfLeftOut() const;
 
  private:
   struct Known {

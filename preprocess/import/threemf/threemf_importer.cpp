@@ -50,19 +50,19 @@ class ThreeMfImport {
     if (const auto place = survey.Place()) sink_.SetOrigin(*place);
   }
 
-  /// told(done, all): bytes once unpacked.
-  Status ReadShapes(ShapeReader& shapes, const std::function<void(uint64_t, uint64_t)>& told) {
+  /// on_read(done, all): bytes once unpacked.
+  Status ReadShapes(ShapeReader& shapes, const std::function<void(uint64_t, uint64_t)>& on_read) {
     archive_.RestartLimit();
-    uint64_t all = 0, done = 0, told_at = 0;
+    uint64_t all = 0, done = 0, reported_at = 0;
     for (const ThreeMfStructure::Part& part : structure_.parts) all += archive_.StatedSize(part.entry);
     for (uint32_t part = 0; part < structure_.parts.size(); ++part) {
       shapes.BeginPart(part);
       QUARRY_TRY(ReadXml(archive_, structure_.parts[part].entry, shapes, [&](uint64_t bytes) {
         constexpr uint64_t kStep = 1 << 20;
         done += bytes;
-        if (!told || done - told_at < kStep) return;
-        told_at = done;
-        told(std::min(done, all), all);
+        if (!on_read || done - reported_at < kStep) return;
+        reported_at = done;
+        on_read(std::min(done, all), all);
       }));
     }
     return {};

@@ -81,7 +81,7 @@ class Reading {
     XML_SetStartNamespaceDeclHandler(parser_.get(), OnPrefix);
   }
 
-  Status Run(const std::function<void(uint64_t)>& told) {
+  Status Run(const std::function<void(uint64_t)>& on_read) {
     for (bool last = false; !last;) {
       void* const room = XML_GetBuffer(parser_.get(), kXmlPieceBytes);
       if (room == nullptr) return Wrong();
@@ -90,7 +90,7 @@ class Reading {
       const XML_Status parsed = XML_ParseBuffer(parser_.get(), static_cast<int>(got), last);
       if (thrown_) std::rethrow_exception(thrown_);
       if (!status_ || parsed != XML_STATUS_OK) return Wrong();
-      if (told) told(got);
+      if (on_read) on_read(got);
     }
     return {};
   }
@@ -195,9 +195,9 @@ const char* XmlAttributes::Find(XmlSpace space, std::string_view name) const {
 }
 
 Status ReadXml(ZipArchive& archive, uint64_t part, XmlHandler& handler,
-               const std::function<void(uint64_t)>& told) {
+               const std::function<void(uint64_t)>& on_read) {
   QUARRY_TRY(archive.OpenPart(part));
-  return Reading(archive, archive.Name(part), handler).Run(told);
+  return Reading(archive, archive.Name(part), handler).Run(on_read);
 }
 
 }  // namespace quarry

@@ -50,11 +50,11 @@ class XmlHandler {
   virtual void Prefix(std::string_view /*prefix*/, std::string_view /*address*/) {}
 };
 
-/// Reads XML from a part of an archive, in pieces of 64 KiB; `told`, if given, gets the bytes of each. The
+/// Reads XML from a part of an archive, in pieces of 64 KiB; `on_read`, if given, gets the bytes of each. The
 /// handler's errors are returned after the place: "PATH: PART, line L, column C: ...". Memory: 16 MiB at
 /// most. Errors: the part is damaged, is no XML, has a document type (whose entities may grow without bound),
 /// is nested deeper than 100 elements, or takes more memory.
 Status ReadXml(ZipArchive& archive, uint64_t part, XmlHandler& handler,
-               const std::function<void(uint64_t)>& told = {});
+               const std::function<void(uint64_t)>& on_read = {});
 
 }  // namespace quarry

@@ -18,7 +18,7 @@ namespace {
 constexpr uint32_t kSuspendedShare = 32;
 /// Every so many batches some voxels are absent.
 constexpr uint32_t kBatchesASuspension = 4;
-constexpr size_t kMostTold = 8;  // differences
+constexpr size_t kMostListed = 8;  // differences
 
 using Packets = std::vector<RayPacket>;
 
@@ -103,7 +103,7 @@ class DeviceCheck {
           if (SameEnd(expected[p], found[p], i, any, steps) && (any || IsPlaced(found[p], i))) continue;
           ++differences;
           const std::lock_guard lock(mutex);
-          if (out_.first.size() < kMostTold)
+          if (out_.first.size() < kMostListed)
             out_.first.push_back(fmt::format("{}: ray {}: CPU {} at {} waits {}, device {} at {} waits {}",
                                              by, p * RayPacket::kRays + i, expected[p].triangle[i],
                                              expected[p].hit_t[i], expected[p].waits_for[i],
@@ -211,7 +211,7 @@ class DeviceCheck {
         if (found[p].waits_for[i] == kNoVoxel) continue;
         active_[p] |= uint64_t{1} << i;
         ++out_.suspended;
-        if (found[p].waits_for[i] % 2 == 0 && ++out_.differences && out_.first.size() < kMostTold)
+        if (found[p].waits_for[i] % 2 == 0 && ++out_.differences && out_.first.size() < kMostListed)
           out_.first.push_back(fmt::format("{}: a ray waits for a voxel that is there", way.name));
       }
     }

@@ -25,9 +25,9 @@ namespace quarry {
 namespace {
 
 /// Reports the share of a file that has been read.
-class ToldFile : public std::streambuf {
+class ReportingFile : public std::streambuf {
  public:
-  ToldFile(const std::string& path, CadOutput& out) : out_(out), buffer_(1 << 18) {
+  ReportingFile(const std::string& path, CadOutput& out) : out_(out), buffer_(1 << 18) {
     file_.open(path, std::ios::binary | std::ios::ate);
     size_ = std::max<double>(1, static_cast<double>(file_.tellg()));
     file_.seekg(0);
@@ -151,7 +151,7 @@ Result<CadDocument> ReadStep(const std::string& path, CadOutput& out) {
   reader.SetViewMode(false);
   reader.SetPropsMode(false);
   reader.SetLayerMode(false);
-  ToldFile file(path, out);
+  ReportingFile file(path, out);
   if (!file.is_open()) return Fail("cannot be opened");
   std::istream stream(&file);
   // Files that the model names are looked for beside this name, which has no folder: none is found.

@@ -37,8 +37,8 @@ void CadOutput::Put(CadMessage kind, std::string_view text) {
 void CadOutput::Progress(double share) {
   LimitProcessorTime(kMostSecondsOfStep);
   constexpr double kStep = 0.002;
-  if (share < told_ + kStep) return;
-  told_ = share;
+  if (share < reported_ + kStep) return;
+  reported_ = share;
   ByteWriter content;
   content.Put(share);
   Put(CadMessage::kProgress, content.bytes());

@@ -26,7 +26,7 @@ class CadOutput {
  private:
   int fd_;
   Bytes gathered_;
-  double told_ = -1;
+  double reported_ = -1;
 };
 
 /// Whether this process has come near the limit of its address space. Open CASCADE hides an allocation that
