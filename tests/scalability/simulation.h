@@ -124,7 +124,7 @@ class Simulation final : private FrameSource {
   uint32_t SourceOf(const Worker& w, uint32_t block) const;
   void Fetch(Worker& w, uint32_t block);
   void Decode(Worker& w, uint32_t block);
-  void TellHoldings(Worker& w, const std::vector<BlockKey>& blocks);
+  void ReportHoldings(Worker& w, const std::vector<BlockKey>& blocks);
   BlockKey Key(uint32_t number) const { return *catalog_.BlockOf(number); }
 
   const SimulatedCluster& o_;

@@ -320,7 +320,7 @@ class Options(Case):
                 ([*self.render, "--zzzzzzzz"], "^quarry render: --zzzzzzzz is not an option; see quarry render --help"),
                 ([*self.render, "again"], "^quarry render: 'again' is one argument too many"),
                 (["quarry", "render", "x.obj"], "--output is required; see quarry render --help"),
-                (["quarry"], "subcommand is required"), (self.preprocess, "-o says which store to write, e.g. -o m.quarry")):
+                (["quarry"], "subcommand is required"), (self.preprocess, "-o must name the store to write, e.g. -o m.quarry")):
             with self.subTest(command=command[0], sentence=sentence):
                 done = self.must_fail(2, sentence, *command)
                 self.assertEqual(len(done.stderr.strip().splitlines()), 1, done.stderr)
