@@ -67,7 +67,11 @@ void Scatter(const ScatterPacket& properties, const Light& from, const SurfacePa
     });
   };
   uint64_t bright = 0;  // lanes with a highlight
-  for (uint32_t i = 0; i < RayPacket::kRays; ++i) bright |= uint64_t{properties.shininess[i] > 0} << i;
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+    // Not in one expression: with -fsanitize=undefined g++ 12 then shifts by an index that is not set.
+    const bool has_highlight = properties.shininess[i] > 0;
+    bright |= uint64_t{has_highlight} << i;
+  }
   bright &= lanes;
   if (light.kind == LightKind::kPoint) {
     scatter.template operator()<true, true>(bright);
