@@ -53,8 +53,9 @@ class Server {
   Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
          std::optional<TileLog> tile_log);
 
-  /// Listens, prints "listening HOST:PORT" on standard output, and serves until a signal ends the program;
-  /// with a spool it returns at the first SIGTERM. Errors: the address cannot be listened at.
+  /// Listens, and serves until a signal ends the program; prints on standard output "listening HOST:PORT",
+  /// with a live view before it "viewing URL" and after it "serving HOST:PORT", the address of the pages
+  /// here. With a spool it returns at the first SIGTERM. Errors: the address cannot be listened at.
   Status Run();
 
  private:

@@ -75,7 +75,7 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
 }  // namespace
 
 void AddRenderOptions(CLI::App& c, RenderArguments& a) {
-  // --help shows the options in groups: each has those that were added since the group before.
+  // Puts the options that were added since the last call into a group of --help.
   const auto group = [&c](const char* name) {
     for (CLI::Option* option : c.get_options())
       if (option->get_group() == "Options" && !option->get_positional() && option->get_name() != "--help")

@@ -1,8 +1,8 @@
 #include "deploy/command/view_command.h"
 
-#include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
@@ -36,21 +36,24 @@ namespace fs = std::filesystem;
 /// Ports that are tried without --http.
 constexpr uint16_t kFirstPort = 8080, kPorts = 20;
 
-/// A free port of an IPv4 address: `port` itself if it is free, for 0 any. Nothing: none, or it is not IPv4.
+/// A free port at a host's first address: `port` itself if it is free, for 0 any. Nothing: there is none, or
+/// the host is unknown, which the master reports.
 std::optional<uint16_t> FreePort(const std::string& host, uint16_t port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  if (::inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) return std::nullopt;
-  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  addrinfo hints{}, *found = nullptr;
+  hints.ai_socktype = SOCK_STREAM;
+  hints.ai_flags = AI_PASSIVE;
+  if (::getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found) != 0) return std::nullopt;
+  const std::unique_ptr<addrinfo, decltype(&::freeaddrinfo)> address(found, ::freeaddrinfo);
+  const int fd = ::socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
   if (fd < 0) return std::nullopt;
   const int on = 1;
   ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  socklen_t size = sizeof address;
-  auto* const any = reinterpret_cast<sockaddr*>(&address);
-  const bool free = ::bind(fd, any, size) == 0 && ::getsockname(fd, any, &size) == 0;
+  socklen_t size = found->ai_addrlen;
+  const bool free = ::bind(fd, found->ai_addr, size) == 0 && ::getsockname(fd, found->ai_addr, &size) == 0;
   ::close(fd);
-  return free ? std::optional(ntohs(address.sin_port)) : std::nullopt;
+  if (!free) return std::nullopt;
+  // Both families have the port at the same place.
+  return ntohs(reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_port);
 }
 
 /// The address of the page. Its port is chosen here, since two programs serve there one after the other: the

@@ -268,7 +268,7 @@ void ViewPacer::Hurry(double now_s) {
   TraceLattice(kCoarsest, 0, 0, LiveUrgency::kAnswer);
 }
 
-/// Orders the points between those of the finest lattice, unless they are ordered already.
+/// Orders the points between the points of the finest lattice, unless it has done so already.
 void ViewPacer::Refine(double now_s) {
   if (dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
   if (settings_.step != 0 && now_s < rest_s_) return Wake(rest_s_);  // in motion the step is locked

@@ -57,7 +57,7 @@ test('a link with access lets a colleague in, and a link without access explains
   assert.match(await colleague.locator('body').innerText(), /with access/);
   await shoot(colleague, 'link-without-access');
   await page.click('#copy-access');
-  await page.waitForFunction(() => /Anybody who has it/.test(document.getElementById('toast').innerText));
+  await page.waitForFunction(() => /Anybody with this link/.test(document.getElementById('toast').innerText));
   await shoot(page, 'link-with-access');
   await colleague.goto(await link());
   await untilExact(colleague);

@@ -18,9 +18,7 @@
 
 namespace quarry {
 
-inline constexpr uint32_t kTreeletLevels = 4;     ///< part of the store's format; kernels are tuned for it
-inline constexpr uint32_t kBacktrackLevels = 1;   ///< kd-backtrack
-inline constexpr uint32_t kRestartLevels = 1000;  ///< kd-restart: more levels than any tree has
+inline constexpr uint32_t kTreeletLevels = 4;  ///< part of the store's format; kernels are tuned for it
 
 /// Lays trees out in treelets of at most `levels` levels. Deterministic. Keeps its memory for the next tree.
 /// Not thread-safe.

@@ -7,7 +7,7 @@
 
 // Coherent packets through the two-level tree: 64 rays share a node. A way of packets has
 //   NodesOf(tree), of a TopTree or a VoxelGeometry;
-//   kHasCells, whether it has lanes `Cells` that may be triangles as well;
+//   Cells, lanes that may be triangles as well;
 //   Traverse(nodes, p, t, t_end, alive, statistics, visit), which visits all leaves along the rays of `p`
 //   that are `alive`, from `t` to `t_end`, each once for all rays that pass it at that time: bool
 //   visit(first, count, Mask active[], const Float t_enter[], const Float t_exit[]) may lower t_end, and take
@@ -74,12 +74,10 @@ QUARRY_HOST_DEVICE inline void TraceRun(const TopTree& top, const Finder& finder
         for (uint32_t g = 0; g < kGroups; ++g) alive[g] = active[g] = L::NoLanes();
         return true;
       }
-      if constexpr (PacketWay::kHasCells) {
-        using Cells = typename PacketWay::Cells;
-        if (FewInGroups<L, Cells>(active, count))
-          return TestTrianglesRayByRay<Cells, L, kAnyHit>(geometry, voxel, first, first + count, p, active,
-                                                          t_end, alive, statistics);
-      }
+      using Cells = typename PacketWay::Cells;
+      if (FewInGroups<L, Cells>(active, count))
+        return TestTrianglesRayByRay<Cells, L, kAnyHit>(geometry, voxel, first, first + count, p, active,
+                                                        t_end, alive, statistics);
       return TestTriangles<L, kAnyHit, kSharedOrigin>(geometry, voxel, first, first + count, p, active, t_end,
                                                       alive, statistics);
     };

@@ -69,7 +69,6 @@ template <class CellLanes, class L>
 class WideWay {
  public:
   using Cells = CellLanes;
-  static constexpr bool kHasCells = true;
 
   QUARRY_HOST_DEVICE explicit WideWay(const PacketRays<L>& p) : beam_(MakeBeam(p)) {}
 

@@ -35,7 +35,7 @@ export class LiveView {
   get size() { return this.view.size; }
   /// "y" or "z": the scene's axis, unless the view has another.
   get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
-  /// The lights of the view; `lights`: those of the default view.
+  /// The view's lights. `lights`: the default view's.
   lights(lights) { return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights; }
   /// The named views with that axis up.
   get namedViews() { return this.upAxis === this.scene?.up_axis ? this.scene.views : this.scene?.turned_views; }

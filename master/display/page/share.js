@@ -60,7 +60,7 @@ export class Share {
     if (!token) return this.tell('The server did not send the token. Copy the address that “quarry view” printed.');
     const address = new URL(this.link.address());
     address.searchParams.set('token', token);
-    return this.copy(address.href, `The link is copied. Anybody who has it can see the model.${this.reach}`);
+    return this.copy(address.href, `The link is copied. Anybody with this link can see the model.${this.reach}`);
   }
 
   async token() {

@@ -32,7 +32,7 @@ export class StageSize {
   size() {
     const css = [this.stage.clientWidth, this.stage.clientHeight];
     const byRatio = css.map((x) => x * devicePixelRatio);
-    // Where the browser emulates another screen, its boxes are those of the real screen.
+    // A browser that emulates another screen reports the boxes of the real one.
     const fits = this.device?.every((x, i) => Math.abs(x - byRatio[i]) < 2);
     return limitedSize(fits ? this.device : byRatio, this.share, this.limits);
   }

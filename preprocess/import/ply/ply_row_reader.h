@@ -22,7 +22,7 @@ class PlyRowReader {
   explicit PlyRowReader(Source values) : source(std::move(values)) {}
 
   /// Reads the rows of `element` and calls `use` after each, which returns a Status. Requires: row_number is
-  /// 0. Errors: those of `use`; the source's; a row that does not fit the plan.
+  /// 0. Errors: from `use` or from the source; a row that does not fit the plan.
   template <typename Use>
   Status Read(const PlyElement& element, const PlyPlan& plan, Use&& use) {
     if constexpr (Source::kBinary)

@@ -44,6 +44,9 @@ class Live(Case):
         url = re.match(r"viewing (\S+)", self.master.stdout.readline()).group(1)
         self.url = url
         self.address = re.match(r"listening (\S+)", self.master.stdout.readline()).group(1)
+        served = re.match(r"serving 127\.0\.0\.1:(\d+)$", self.master.stdout.readline())
+        if "--viewer-url" not in arguments:
+            self.assertEqual(int(served.group(1)), urllib.parse.urlsplit(url).port)
         self.workers = [self.start_worker(self.address, "--threads", 1, "--cache", cache, "--quiet") for _ in range(workers)]
         return url
 
@@ -445,8 +448,9 @@ class Live(Case):
         model = self.path("plant.ply")
         self.must("quarry-scene", "plant", "--triangles", 20000, "-o", model, "--quiet")
         seen, lights = {}, {}
-        for axis in ("", "y", "z"):
-            view = subprocess.Popen([str(BIN / "quarry"), "view", model, "--http", "127.0.0.1:0", *(["--up-axis", axis] if axis else [])],
+        # The first run shows the page of the preprocessing, then the view at the same port.
+        for axis, host in (("", "localhost"), ("y", "127.0.0.1"), ("z", "127.0.0.1")):
+            view = subprocess.Popen([str(BIN / "quarry"), "view", model, "--http", f"{host}:0", *(["--up-axis", axis] if axis else [])],
                                     stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
             self.addCleanup(end, view)
             url, told = view.stdout.readline().strip(), ""

@@ -36,6 +36,7 @@ class Plan(Case):
                 made = json.loads(pathlib.Path(self.path("made.json")).read_text())
                 self.assertEqual(plan["input_triangles"], made["input_triangles"])
                 self.assertLess(made["store_bytes"], plan["store_bytes_most"])
+                self.assertLess(plan["spill_bytes"], plan["spill_bytes_most"])
 
     def test_counts_and_sizes(self):
         for scene in ("terrain", "plant", "forest", "city"):
@@ -86,6 +87,10 @@ class Plan(Case):
             for plan in ([], ["--plan"]):
                 self.must_fail(1, r"small: about .* MiB are needed for spill, between .* and .*, and 4.00 MiB are free", "quarry-preprocess",
                                self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet", *plan)
+            # Room for the least that the run can take, not for the most.
+            self.must("quarry-scene", "terrain", "--triangles", 58000, "-o", self.path("t.ply"), "--quiet")
+            warned = self.must("quarry-preprocess", self.path("t.ply"), "-o", f"{small}/x.quarry", "--quiet", "--plan")
+            self.assertRegex(warned.stderr, r"warning: \S*small: about .* are needed for spill and the store, between .*, and 4.00 MiB are free")
             self.must("quarry-scene", "terrain", "--triangles", 2000, "-o", self.path("t.ply"), "--quiet")
             self.must("quarry-preprocess", self.path("t.ply"), "-o", self.path("x.quarry"), "--tmp", small, "--quiet")
         finally:

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
@@ -17,6 +18,8 @@ namespace quarry::test {
 /// The layout of a scene's trees: in treelets as stores have them, for kd-backtrack, for kd-restart, or with
 /// ropes (treelets.h, ropes.h).
 enum class TreeLayout { kTreelets, kBacktrack, kRestart, kRopes };
+inline constexpr uint32_t kBacktrackLevels = 1;   ///< of treelets: kd-backtrack
+inline constexpr uint32_t kRestartLevels = 1000;  ///< more than any tree has: kd-restart
 
 /// The trees of a scene in a layout.
 class SceneView {

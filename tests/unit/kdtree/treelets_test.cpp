@@ -4,6 +4,7 @@
 #include <random>
 
 #include "tests/support/rendering/flat_tree.h"
+#include "tests/support/rendering/resident_scene.h"
 #include "tests/support/rendering/ropes.h"
 
 namespace quarry {
@@ -48,7 +49,7 @@ TEST_CASE("A tree keeps its leaves in any layout, and each climb ends at the top
   std::mt19937 random(5);
   for (size_t inner : {0, 1, 2, 15, 16, 500}) {
     const std::vector<KdNode> plain = RandomTree(random, inner);
-    for (uint32_t levels : {kBacktrackLevels, kTreeletLevels, kRestartLevels}) {
+    for (uint32_t levels : {test::kBacktrackLevels, kTreeletLevels, test::kRestartLevels}) {
       const std::vector<KdNode> laid = LayOutTreelets(plain, levels, kCell);
       const std::vector<KdNode> flat = test::FlattenTreelets(laid);
       CHECK(flat.size() == plain.size());
