@@ -136,6 +136,32 @@ class Resume(Case):
         self.must("quarry-preprocess", self.model, "-o", self.store, "--quiet")
         self.must_be(self.whole())
 
+    def test_a_changed_material_library_is_refused(self):
+        """Every file that the model names counts, also one that was not there."""
+        city = self.path("city.obj")
+        self.make(400000, scene="city", model=city)
+        with open(city) as model:
+            start = model.read(4096)
+        libraries = [line.split(maxsplit=1)[1] for line in start.splitlines() if line.startswith("mtllib ")]
+        self.assertEqual(len(libraries), 1, start[:300])
+        with open(city, "a") as model:
+            model.write("mtllib missing.mtl\n")
+        run = self.start("--quiet", models=[city])
+        self.wait_for(lambda: (self.work / "region-0").exists(), run)
+        run.kill()
+        run.wait()
+        command = ["quarry-preprocess", city, "-o", self.store, "--resume", "--quiet"]
+        library = self.folder / libraries[0]
+        then = library.stat()
+        os.utime(library, (1, 1))
+        self.must_fail(1, r"\.mtl: has changed since the run began; start again without --resume", *command)
+        os.utime(library, ns=(then.st_atime_ns, then.st_mtime_ns))
+        pathlib.Path(self.path("missing.mtl")).touch()
+        self.must_fail(1, r"missing\.mtl: has changed since the run began", *command)
+        pathlib.Path(self.path("missing.mtl")).unlink()
+        self.must(*command)
+        self.must_be(self.whole(city))
+
     def test_an_interrupt_with_nothing_to_keep(self):
         self.make(200000)
         run = self.start("--quiet")
