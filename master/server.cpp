@@ -33,7 +33,7 @@ constexpr uint64_t kMaxQueuedBytes = 256u << 20;
 constexpr double kLogEveryS = 10;
 /// Bytes of half-read messages over all connections: the largest job and a margin, and for each block its
 /// mention in the status of a few workers that hold every block.
-constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
+constexpr uint64_t kIncomingBytes = 27u << 20, kIncomingBytesPerBlock = 16;
 
 /// Bytes of decoded blocks while an exposure is metered, once a job: the lattice's rays pass a block once or
 /// twice.
@@ -59,6 +59,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       block_bytes_(StoredBytes(catalog())),
       blocks_(*source_, catalog()),
       packed_catalog_(PackSections(scene_.store().catalog_sections())),
+      selections_(scene_.store()),
       jobs_(io, {catalog().id, catalog().meta.offset}, std::move(spool), options.frame_memory,
             {[this] { AssignSoon(); },
              [this](const Job& job) {
@@ -67,7 +68,8 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
              [this](const std::string& line) { Log(line); },
              [this](const View& view, std::stop_token stop) {
                return MeterExposure(scene_, view, kMeterBytes, std::move(stop));
-             }}),
+             },
+             [this](View& view) { return selections_.Complete(view); }}),
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are recognised.
@@ -96,8 +98,8 @@ Status Server::Run() {
                                io_, options_.listen, options_.security,
                                [this](ConnectionPtr c) { OnConnection(c); }, std::move(listening)));
   if (options_.display) {
-    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, registry_, queries_, ForViewers(),
-                                          [this](const std::string& line) { Log(line); }));
+    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, selections_, registry_, queries_,
+                                          ForViewers(), [this](const std::string& line) { Log(line); }));
     Print(fmt::format("viewing {}\n", display_->url()));
   }
   Print(fmt::format("listening {}\n", TextOf({options_.listen.host, listener_->port()})));
@@ -276,6 +278,7 @@ void Server::SendTile(AssignedTile& tile, FrameId oldest) {
   WorkerRecord& worker = *registry_.FindById(tile.worker);
   const FrameId id = tile.frame->id();
   if (worker.frames_told.insert(id).second) {
+    worker.TellSelection(tile.frame->view().parts);
     worker.connection->Send(
         MakeMessage(MessageType::kFrameSetup, FrameSetup{id, tile.frame->view(), oldest}));
     worker.frames_told.erase(worker.frames_told.begin(), worker.frames_told.lower_bound(oldest));

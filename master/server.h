@@ -23,6 +23,7 @@
 #include "master/display/display.h"
 #include "master/jobs/job_frames.h"
 #include "master/jobs/jobs.h"
+#include "master/part_selections.h"
 #include "master/query_service.h"
 #include "master/schedule/dispatcher.h"
 #include "master/worker_registry.h"
@@ -119,6 +120,7 @@ class Server {
   bool said_farewell_ = false;
   bool leaves_ = false;  ///< StartLeaving() was called
   double logged_s_ = 0;
+  PartSelections selections_;
   Jobs jobs_;
   JobFrames frames_;
   Dispatcher dispatcher_;

@@ -19,6 +19,13 @@ void WorkerRecord::SetServesAt(uint16_t port) {
   serves_at = port == 0 ? std::string() : fmt::format("{}:{}", peer.substr(0, peer.rfind(':')), port);
 }
 
+void WorkerRecord::TellSelection(const ViewParts& parts) {
+  if (!parts.selection || std::ranges::find(selections_told, parts.id()) != selections_told.end()) return;
+  selections_told.push_back(parts.id());
+  if (selections_told.size() > kMostSelections) selections_told.pop_front();
+  connection->Send(MakeMessage(MessageType::kSelection, *parts.selection));
+}
+
 WorkerRecord& WorkerRegistry::Add(const std::shared_ptr<Connection>& connection, const Hello& hello) {
   if (known_.size() > kMostKnown) known_.clear();
   const auto [known, fresh] = known_.try_emplace(hello.instance, next_id_);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <map>
 #include <memory>
 #include <set>
@@ -22,10 +23,13 @@ struct WorkerRecord : WorkerState {
   std::string serves_at;  ///< HOST:PORT where other workers get blocks from it; empty: nowhere
   WorkerStatus counters;  ///< without lists of blocks
   std::set<FrameId> frames_told;
+  std::deque<uint64_t> selections_told;  ///< the newest kMostSelections, which it keeps
   bool has_scene = false;  ///< it has confirmed the catalog, so it can get the list of other workers
 
   /// `port`: at the connection's host; 0: it serves no blocks.
   void SetServesAt(uint16_t port);
+  /// Sends a view's selection, unless the worker has it. Call before a message that names the selection.
+  void TellSelection(const ViewParts& parts);
 };
 
 /// The connected workers. A worker that comes back after it has lost its connection keeps its id.

@@ -155,11 +155,13 @@ void Session::OnMessage(Message m) {
 }
 
 Status Session::Dispatch(const Message& m) {
+  if (m.type == MessageType::kPing) return {};
+  if (m.type == MessageType::kWelcome) return OnWelcome(m);
+  if (m.type == MessageType::kCatalog) return OnCatalog(m);
+  if (!scene_) return Fail("the master sent other messages before the scene");
   switch (m.type) {
-    case MessageType::kWelcome:
-      return OnWelcome(m);
-    case MessageType::kCatalog:
-      return OnCatalog(m);
+    case MessageType::kSelection:
+      return scene_->selections.Take(m.table, scene_->catalog);
     case MessageType::kFrameSetup:
       return OnFrameSetup(m);
     case MessageType::kTile:
@@ -170,8 +172,6 @@ Status Session::Dispatch(const Message& m) {
       return OnFramesEnd(m);
     case MessageType::kPeers:
       return OnPeers(m);
-    case MessageType::kPing:
-      return {};
     default:
       return Fail(fmt::format("the master sent a message of type {}, which is not for workers",
                               static_cast<int>(m.type)));
@@ -249,7 +249,6 @@ Status Session::MakeRenderer(LoadedScene& scene) {
 }
 
 Status Session::OnPeers(const Message& m) {
-  if (!scene_) return Fail("the master named other workers before it sent the scene");
   QUARRY_ASSIGN(Peers peers, DecodePeers(m.table));
   for (size_t i = 0; i < peers.workers.size(); ++i)
     if (peers.workers[i] == worker_) {
@@ -262,15 +261,14 @@ Status Session::OnPeers(const Message& m) {
 }
 
 Status Session::OnFrameSetup(const Message& m) {
-  if (!scene_) return Fail("the master set up a frame before it sent the scene");
-  QUARRY_ASSIGN(const FrameSetup setup, DecodeFrameSetup(m.table));
+  QUARRY_ASSIGN(FrameSetup setup, DecodeFrameSetup(m.table));
+  QUARRY_ASSIGN(setup.view.parts.selection, scene_->selections.Find(setup.selection));
   scene_->renderer->DropViews(0, setup.oldest);
   scene_->renderer->SetView(setup.frame, setup.view);
   return {};
 }
 
 Status Session::OnFramesEnd(const Message& m) {
-  if (!scene_) return Fail("the master ended frames before it sent the scene");
   QUARRY_ASSIGN(const FramesEnd end, DecodeFramesEnd(m.table));
   for (const uint64_t frame : end.frames)
     if (frame < Renderer::kFirstOwnView) scene_->renderer->DropViews(frame, frame + 1);
@@ -278,7 +276,6 @@ Status Session::OnFramesEnd(const Message& m) {
 }
 
 Status Session::OnTile(const Message& m) {
-  if (!scene_) return Fail("the master sent a tile before the scene");
   QUARRY_ASSIGN(const TileOrder order, DecodeTileOrder(m.table));
   if (leaves_) {
     GiveBack(order);
@@ -302,11 +299,13 @@ Status Session::OnTile(const Message& m) {
 }
 
 Status Session::OnRay(const Message& m) {
-  if (!scene_) return Fail("the master sent a ray before the scene");
   QUARRY_ASSIGN(const RayOrder order, DecodeRayOrder(m.table));
   if (leaves_) return {};  // the master gives it to another worker
+  View view;
+  view.section = order.section;
+  QUARRY_ASSIGN(view.parts.selection, scene_->selections.Find(order.selection));
   QUARRY_TRY(scene_->renderer->Order(
-      order.query,
+      order.query, view,
       [this, order, to = std::weak_ptr(connection_)](RenderedTile result) {
         asio::post(*io_, [this, order, to, result = std::move(result)] { SendHit(order, to, result); });
       },

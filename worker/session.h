@@ -13,6 +13,7 @@
 #include "common/net/timer.h"
 #include "common/protocol/messages.h"
 #include "worker/block_supply.h"
+#include "worker/kept_selections.h"
 #include "worker/worker_options.h"
 
 namespace quarry {
@@ -40,6 +41,7 @@ class Session {
     const Catalog catalog;
     const uint64_t stored_bytes;  ///< share of --cache for stored blocks
     CacheInventory inventory;
+    KeptSelections selections;
     std::unique_ptr<BlockSupply> supply;
     std::unique_ptr<Renderer> renderer;  ///< last, since it uses all of the above
   };

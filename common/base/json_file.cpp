@@ -238,6 +238,8 @@ Status JsonValue::Numbers(std::span<double> out, double least, double most) cons
   return {};
 }
 
+bool JsonValue::is_null() const { return value_->is_null(); }
+
 Result<std::string> JsonValue::Text() const {
   if (!value_->is_string()) return Wrong("must be a text");
   return value_->get<std::string>();

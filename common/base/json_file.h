@@ -59,6 +59,7 @@ class JsonValue {
   Result<uint64_t> Whole() const;
   /// Reads an array of out.size() numbers. Errors: not such an array; a number outside [least, most].
   Status Numbers(std::span<double> out, double least, double most) const;
+  bool is_null() const;
   /// Errors: not a string.
   Result<std::string> Text() const;
 

@@ -43,7 +43,19 @@ void Engine::WakeAll() {
 
 void Engine::SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator) {
   const std::lock_guard lock(mutex_);
-  views_[number] = std::make_shared<ViewContext>(view, catalog_, surfaces_, std::move(integrator));
+  views_[number] =
+      std::make_shared<ViewContext>(view, catalog_, surfaces_, std::move(integrator), ShownOf(view.parts));
+}
+
+/// The view's selection, made ready once for all views that have it. Requires: mutex_ is held.
+std::shared_ptr<const ShownParts> Engine::ShownOf(const ViewParts& parts) {
+  if (!parts.selection) return nullptr;
+  std::erase_if(shown_, [](const auto& known) { return known.second.expired(); });
+  std::weak_ptr<const ShownParts>& known = shown_[parts.id()];
+  if (auto shown = known.lock()) return shown;
+  auto made = std::make_shared<const ShownParts>(catalog_, parts.selection);
+  known = made;
+  return made;
 }
 
 void Engine::DropViews(uint64_t first, uint64_t end) {

@@ -13,6 +13,7 @@
 
 #include "common/engine/adaptive_queue_depth.h"
 #include "common/engine/blocks/voxel_cache.h"
+#include "common/engine/surfaces/shown_parts.h"
 #include "common/engine/tile_renderer.h"
 
 namespace quarry {
@@ -94,6 +95,7 @@ class Engine {
     std::vector<Open> open;
     std::vector<std::unique_ptr<TileRenderer>> spare;
   };
+  std::shared_ptr<const ShownParts> ShownOf(const ViewParts& parts);
   void Queue(Queued next);
   void Run(Mailbox& mailbox);
   void Work(Mailbox& mailbox, Tiles& tiles);
@@ -113,11 +115,12 @@ class Engine {
   const OnFault on_fault_;
   const std::shared_ptr<const SceneSurfaces> surfaces_;
   std::atomic<uint64_t> rays_{0}, rays_suspended_{0}, compute_us_{0}, stall_us_{0};
-  mutable std::mutex mutex_;  ///< guards views_, queues_, queue_depth_
+  mutable std::mutex mutex_;  ///< guards views_, shown_, queues_, queue_depth_
   std::map<uint64_t, std::shared_ptr<ViewContext>> views_;
-  std::array<std::deque<Queued>, kUrgencies> queues_;  ///< by urgency
-  std::atomic<int> queued_{-1};                        ///< the highest urgency of queues_; -1: they are empty
-  std::atomic<uint32_t> open_{0};                      ///< tiles of all threads
+  std::map<uint64_t, std::weak_ptr<const ShownParts>> shown_;  ///< of selections in use, by id
+  std::array<std::deque<Queued>, kUrgencies> queues_;          ///< by urgency
+  std::atomic<int> queued_{-1};    ///< the highest urgency of queues_; -1: they are empty
+  std::atomic<uint32_t> open_{0};  ///< tiles of all threads
   AdaptiveQueueDepth queue_depth_;
   std::atomic<bool> stop_{false};
   std::vector<std::unique_ptr<Mailbox>> mailboxes_;

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/engine/blocks/pinned_blocks.h"
 #include "common/engine/integrators/scatter_packet.h"
 #include "common/engine/rays/ray_batch.h"
 #include "common/engine/sample_packet.h"

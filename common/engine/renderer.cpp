@@ -70,7 +70,6 @@ void Renderer::Begin(VoxelSource& source, Executor executor, const Options& opti
   engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this](const Error& error) {
     executor_([this, error] { Failed(error); });
   });
-  engine_->SetView(kRaysView, {}, std::make_shared<const NearestHits>());
 }
 
 /// On the loader's thread.
@@ -109,7 +108,8 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
   return Run(view, std::move(integrator), tiles.size(), queue, on_tile, std::move(stop));
 }
 
-Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop) {
+Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop,
+                                         const View& view) {
   if (rays.size() > kMostRaysOfCall) return BadUsage(fmt::format("more than {} rays", kMostRaysOfCall));
   for (const RayQuery& ray : rays) QUARRY_TRY(CheckRay(ray));
   std::shared_ptr<const Integrator> integrator;
@@ -129,7 +129,7 @@ Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goa
     std::ranges::copy(result.hits, hits.begin() + static_cast<std::ptrdiff_t>(i * kMostRays));
   };
   QUARRY_TRY(
-      Run({}, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
+      Run(view, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
   return hits;
 }
 
@@ -178,10 +178,22 @@ Status Renderer::Order(uint64_t view, const Tile& tile, std::function<void(Rende
   return engine_->Render(view, tile, std::move(done), urgency);
 }
 
-Status Renderer::Order(const RayQuery& ray, std::function<void(RenderedTile)> done, Urgency urgency) {
+Status Renderer::Order(const RayQuery& ray, const View& view, std::function<void(RenderedTile)> done,
+                       Urgency urgency) {
   QUARRY_TRY(CheckRay(ray));
-  engine_->Trace(kRaysView, {std::make_shared<const std::vector<RayQuery>>(1, ray), 0, 1}, std::move(done),
-                 urgency);
+  uint64_t number = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    number = next_view_++;
+  }
+  engine_->SetView(number, view, std::make_shared<const NearestHits>());
+  engine_->Trace(
+      number, {std::make_shared<const std::vector<RayQuery>>(1, ray), 0, 1},
+      [this, number, done = std::move(done)](RenderedTile result) {
+        done(std::move(result));
+        engine_->DropViews(number, number + 1);
+      },
+      urgency);
   return {};
 }
 

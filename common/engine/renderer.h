@@ -87,9 +87,11 @@ class Renderer {
                 std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
   /// Traces rays. Returns one hit for each, in their order: the nearest by (t, triangle), or with kAny some
   /// hit, of which only `t` and `triangle` are known; `triangle` is kNoTriangle where there is none. `t` is
-  /// the distance from the ray's origin, in scene units. Holes of triangles are no hits; glass is.
+  /// the distance from the ray's origin, in scene units. Holes of triangles are no hits; glass is. Of `view`
+  /// the parts and the section count.
   /// Errors (usage): CheckRay(); more than kMostRaysOfCall. Else as Render()'s.
-  Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {});
+  Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {},
+                                 const View& view = {});
   static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
   // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView;
@@ -100,9 +102,10 @@ class Renderer {
   void DropViews(uint64_t first, uint64_t end);
   Status Order(uint64_t view, const Tile& tile, std::function<void(RenderedTile)> done,
                Urgency urgency = Urgency::kJob);
-  /// Queues a ray whose nearest hit is wanted, in the same way: `done` gets one hit, as Trace() gives it.
-  /// Errors: CheckRay().
-  Status Order(const RayQuery& ray, std::function<void(RenderedTile)> done, Urgency urgency);
+  /// Queues a ray whose nearest hit is wanted, in the same way: `done` gets one hit, as Trace() gives it. Of
+  /// `view` the parts and the section count. Errors: CheckRay().
+  Status Order(const RayQuery& ray, const View& view, std::function<void(RenderedTile)> done,
+               Urgency urgency);
   void GiveBackQueued();
   bool has_open() const;
   /// The work of the compute threads and of the cache since the start. See Engine::Counters and
@@ -164,9 +167,7 @@ class Renderer {
   std::mutex mutex_;  ///< guards calls_, failure_, next_view_
   std::set<std::shared_ptr<Call>> calls_;
   std::optional<Error> failure_;
-  /// The view of rays that are ordered, which ends with the renderer.
-  static constexpr uint64_t kRaysView = kFirstOwnView;
-  uint64_t next_view_ = kRaysView + 1;
+  uint64_t next_view_ = kFirstOwnView;
   std::unique_ptr<Engine> engine_;
 };
 

@@ -33,6 +33,8 @@ struct SamplePacket {
   static constexpr int kLanes = RayPacket::kRays;
 
   uint64_t at[kStages];  ///< lanes in each stage
+  uint64_t capped;       ///< lanes whose surface is a cap of the section
+  uint64_t colored;      ///< lanes whose part has a colour of the view's
   SurfacePacket surface;
   Vectors weight;
   Vectors light;           ///< radiance that the shadow ray adds if nothing more blocks it

@@ -5,12 +5,15 @@
 #include <utility>
 
 #include "common/base/check.h"
+#include "common/engine/integrators/edge_surfaces.h"
 #include "common/engine/integrators/integrator.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/find_surfaces.h"
 #include "common/engine/surfaces/hit_filter.h"
 #include "common/engine/surfaces/look_up_textures.h"
 #include "common/engine/surfaces/properties.h"
+#include "common/engine/surfaces/section_clip.h"
+#include "common/engine/surfaces/shown_parts.h"
 
 namespace quarry {
 
@@ -45,11 +48,16 @@ void StartCones(PacketWork& work) {
 }  // namespace
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
-  QUARRY_CHECK(view->integrator->needs().surfaces);
+  QUARRY_CHECK(view->integrator->needs().pixels);
   film_.Open(*view, tile);
   eye_rays_.Open(view->view, view->camera, tile);
   leaves_holes_ = tile.leaves_holes;
-  Begin(std::move(view), eye_rays_);
+  Begin(std::move(view));
+  if (!film_.edges().any()) return BeginPass(eye_rays_, *view_->integrator);
+  static const EdgeSurfaces kEdges;
+  edge_rays_.Open(view_->view, view_->camera, tile);
+  BeginPass(edge_rays_, kEdges);
+  if (done()) BeginPixels();
 }
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
@@ -57,29 +65,42 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
   film_.OpenHits(part.count);
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;
-  Begin(std::move(view), ray_list_);
+  Begin(std::move(view));
+  BeginPass(ray_list_, *view_->integrator);
 }
 
-void TileRenderer::Begin(std::shared_ptr<const ViewContext> view, RaySource& source) {
+void TileRenderer::Begin(std::shared_ptr<const ViewContext> view) {
   view_ = std::move(view);
-  source_ = &source;
-  integrator_ = view_->integrator.get();
-  const Integrator::Needs needs = integrator_->needs();
-  makes_pixels_ = needs.surfaces;
-  first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
   reader_ = 0;
   touched_.clear();
+  batch_.Open(0);
+}
+
+/// Begins the samples of a source. Requires: no sample is under way.
+void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
+  source_ = &source;
+  integrator_ = &integrator;
+  const Integrator::Needs needs = integrator.needs();
+  makes_surfaces_ = needs.surfaces;
+  makes_pixels_ = needs.pixels;
+  first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
   const auto packets = static_cast<uint32_t>(
       std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
-  batch_.Open(packets);
+  batch_.Resize(packets);
   samples_.resize(packets);
-  Fit(lookups_, view_->texture_uses != 0 ? packets : 0);
+  Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
   pending_.Open(packets, needs.pending_rays, !lookups_.empty());
   for (uint32_t packet = 0; packet < packets; ++packet) {
     PacketWork work = WorkOn(packet, nullptr);
     Start(work);
   }
+}
+
+/// After the rays that find edges: the samples of pixels.
+void TileRenderer::BeginPixels() {
+  film_.edges().Finish();
+  BeginPass(eye_rays_, *view_->integrator);
 }
 
 PacketWork TileRenderer::WorkOn(uint32_t packet, PinnedBlocks* pins) {
@@ -124,6 +145,11 @@ void TileRenderer::Start(PacketWork& work) {
     started = lanes.in_box;
   }
   if (work.lookups) StartCones(work);
+  if (makes_pixels_ && film_.edges().any())
+    ForEachLane(started, [&](uint32_t i) {
+      const auto lane = static_cast<int>(i);
+      s.weight.Set(lane, s.weight[lane] * film_.edges().Factor(s.pixel[i]));
+    });
   std::fill_n(s.at, SamplePacket::kStages, 0);
   s.at[first_] = unfinished_[work.number] = started;
   batch_.MakeReady(work.number, started);
@@ -135,7 +161,9 @@ void TileRenderer::Round(PinnedBlocks& pins) {
     PacketWork work = WorkOn(p, &pins);
     Advance(work);
   }
-  batch_.Trace(view_->top, pins, [&](uint32_t packet, uint64_t lanes, bool any) {
+  const bool hides = view_->shown && view_->shown->selection().hides();
+  const VoxelFinder finder = hides ? pins.finder(view_->shown->selection()) : pins.finder();
+  batch_.Trace(view_->top, finder, [&](uint32_t packet, uint64_t lanes, bool any) {
     PacketWork work = WorkOn(packet, &pins);
     Traced(work, lanes, any);
   });
@@ -145,6 +173,7 @@ void TileRenderer::Round(PinnedBlocks& pins) {
     PacketWork work = WorkOn(p, &pins);
     Start(work);
   }
+  if (source_ == &edge_rays_ && done()) BeginPixels();
 }
 
 /// Advances the packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or
@@ -162,8 +191,10 @@ void TileRenderer::Advance(PacketWork& work) {
   if (const uint64_t lanes = at(SamplePacket::kLight)) integrator_->SendLightRays(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kBounce)) integrator_->Bounce(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kNext)) TakeNext(work, lanes);
-  batch_.SetTraced(work.number, at(SamplePacket::kTraverse) | at(SamplePacket::kPass),
-                   at(SamplePacket::kShadow));
+  const uint64_t nearest = at(SamplePacket::kTraverse) | at(SamplePacket::kPass);
+  const uint64_t any = at(SamplePacket::kShadow);
+  if (view_->section) view_->section->Cut(work.rays, nearest | any);
+  batch_.SetTraced(work.number, nearest, any);
 }
 
 /// Takes up the rays of `lanes`, which have hit or missed.
@@ -197,7 +228,7 @@ uint64_t TileRenderer::TestHits(PacketWork& work, uint64_t lanes) {
 /// Takes up the hits of `lanes`, which count.
 void TileRenderer::TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) {
   SamplePacket& s = work.samples;
-  s.Move(lanes, from, makes_pixels_ ? SamplePacket::kSurface : SamplePacket::kShade);
+  s.Move(lanes, from, makes_surfaces_ ? SamplePacket::kSurface : SamplePacket::kShade);
   if (!makes_pixels_) return;
   ForEachLane(lanes, [&](uint32_t i) {
     if (s.path_code[i] != kPrimaryPath) return;
@@ -220,7 +251,7 @@ void TileRenderer::Miss(PacketWork& work, uint32_t lane) {
 
 void TileRenderer::Shade(PacketWork& work, uint64_t lanes) {
   const SamplePacket& s = work.samples;
-  if (view_->view.aov_mask != 0)
+  if (makes_pixels_ && view_->view.aov_mask != 0)
     ForEachLane(lanes, [&](uint32_t i) {
       if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteLayers(work, i);
     });

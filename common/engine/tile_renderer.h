@@ -9,6 +9,7 @@
 #include "common/engine/integrators/pending_rays.h"
 #include "common/engine/packet_work.h"
 #include "common/engine/rays/ray_batch.h"
+#include "common/engine/sources/edge_rays.h"
 #include "common/engine/sources/eye_rays.h"
 #include "common/engine/sources/ray_list.h"
 
@@ -62,7 +63,9 @@ class TileRenderer {
   /// Length of touched_ at which repetitions are removed; 128 KiB.
   static constexpr size_t kMostTouched = 1u << 14;
 
-  void Begin(std::shared_ptr<const ViewContext> view, RaySource& source);
+  void Begin(std::shared_ptr<const ViewContext> view);
+  void BeginPass(RaySource& source, const Integrator& integrator);
+  void BeginPixels();
   PacketWork WorkOn(uint32_t packet, PinnedBlocks* pins);
   void Start(PacketWork& work);
   void LeaveHoles(uint32_t packet);
@@ -78,12 +81,13 @@ class TileRenderer {
 
   std::shared_ptr<const ViewContext> view_;
   const Integrator* integrator_ = nullptr;
-  bool makes_pixels_ = true;
+  bool makes_surfaces_ = true, makes_pixels_ = true;
   SamplePacket::Stage first_ = SamplePacket::kTraverse;  ///< of a sample
   bool leaves_holes_ = false;
+  EdgeRays edge_rays_;
   EyeRays eye_rays_;
   RayList ray_list_;
-  RaySource* source_ = nullptr;  ///< one of the two
+  RaySource* source_ = nullptr;  ///< one of these
   RayBatch batch_;
   std::vector<SamplePacket> samples_;
   std::vector<TextureLookups> lookups_;  ///< empty where the view has no textures

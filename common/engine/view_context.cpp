@@ -6,6 +6,8 @@
 
 #include "common/engine/integrators/make_integrator.h"
 #include "common/engine/surfaces/cut_outs.h"
+#include "common/engine/surfaces/section_clip.h"
+#include "common/engine/surfaces/shown_parts.h"
 #include "common/scene/view_basis.h"
 
 namespace quarry {
@@ -22,18 +24,30 @@ TextureUses UsesFor(const View& view, const SceneSurfaces& surfaces, const Integ
   return integrator.needs().uses | (view.has(Aov::kAlbedo) ? UseBit(TextureUse::kDiffuse) : 0);
 }
 
+std::shared_ptr<const SectionClip> ClipOf(const SectionCut& section, const SceneMeta& scene) {
+  if (section.empty()) return nullptr;
+  auto clip = std::make_shared<const SectionClip>(section, scene);
+  return clip->empty() ? nullptr : clip;
+}
+
 }  // namespace
 
 ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces,
-                         std::shared_ptr<const Integrator> an_integrator)
+                         std::shared_ptr<const Integrator> an_integrator,
+                         std::shared_ptr<const ShownParts> parts)
     : view(std::move(a_view)),
       catalog(scene),
       surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
       integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene.meta)),
       filter(scene.meta.masks ? std::make_shared<const CutOuts>() : nullptr),
+      section(ClipOf(view.section, scene.meta)),
+      shown(parts || !view.parts.selection ? std::move(parts)
+                                           : std::make_shared<const ShownParts>(scene, view.parts.selection)),
+      makes_caps(section && section->caps() && shown && !shown->selection().closed.empty()),
+      colors_parts(shown && !shown->selection().colors.empty()),
       texture_uses(UsesFor(view, *surfaces, *integrator)),
       cone(PixelConeOf(view)),
-      top(scene.top_tree()),
+      top(shown ? shown->top() : scene.top_tree()),
       camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),
       words(WordsPerPixel(view.aov_mask)),
       offset(OffsetFromSurfaces(scene.meta.padding)) {}

@@ -13,6 +13,8 @@ namespace quarry {
 
 class HitFilter;
 class Integrator;
+class SectionClip;
+class ShownParts;
 
 /// The cone of a pixel's primary rays: its width at the eye, and the growth of the width with the distance.
 /// Units: scene units.
@@ -25,15 +27,20 @@ struct PixelCone {
 struct ViewContext {
   /// `a_surfaces`: of the scene, shared by its views; made here if null. `an_integrator`: null for the one of
   /// the view's mode.
+  /// `parts`: the view's selection, made ready; made here if null.
   ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces = {},
-              std::shared_ptr<const Integrator> an_integrator = {});
+              std::shared_ptr<const Integrator> an_integrator = {},
+              std::shared_ptr<const ShownParts> parts = {});
 
   const View view;
   const Catalog& catalog;
   const std::shared_ptr<const SceneSurfaces> surfaces;
   const std::shared_ptr<const Integrator> integrator;
-  const std::shared_ptr<const HitFilter> filter;  ///< null: all hits count
-  const TextureUses texture_uses;                 ///< of textures that the picture needs; 0: of none
+  const std::shared_ptr<const HitFilter> filter;     ///< null: all hits count
+  const std::shared_ptr<const SectionClip> section;  ///< null: nothing is cut off
+  const std::shared_ptr<const ShownParts> shown;     ///< null: all parts as they are
+  const bool makes_caps, colors_parts;
+  const TextureUses texture_uses;  ///< of textures that the picture needs; 0: of none
   const PixelCone cone;
   const TopTree top;
   const Camera camera;

@@ -34,6 +34,10 @@ struct VoxelGeometryOf {
   /// itself, decoding has made opaque states mixed: no mask describes such a surface.
   const uint32_t* masks = nullptr;
   const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
+  /// A bit for each part of the scene: its triangles are no candidates to any ray. Null: there are none in
+  /// this voxel. No block has the bits: a view's selection does.
+  const uint64_t* hidden = nullptr;
+  uint32_t hidden_words = 0;  ///< 64 parts each; parts beyond them are shown
   uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
   bool has_see_through = false;  ///< whether see_through() holds for any triangle
 
@@ -46,6 +50,11 @@ struct VoxelGeometryOf {
   QUARRY_HOST_DEVICE bool see_through(uint32_t triangle) const {
     return (parts[triangle] & kSeeThrough) != 0;
   }
+  /// Requires: `hidden` is not null.
+  QUARRY_HOST_DEVICE bool is_hidden(uint32_t triangle) const {
+    const uint32_t of = part(triangle);
+    return of / 64 < hidden_words && (hidden[of / 64] >> of % 64 & 1) != 0;
+  }
   const glm::vec3& vertex(uint32_t triangle, int corner) const {
     return vertices[corners[3 * triangle + static_cast<uint32_t>(corner)]];
   }
@@ -57,7 +66,7 @@ using VoxelGeometry = VoxelGeometryOf<uint16_t>;
 enum class HitEffect {
   kCounts,   ///< it is a hit
   kNoted,    ///< the ray, an any-hit ray, passes it and notes that it has met a see-through triangle
-  kNothing,  ///< it lies in a hole
+  kNothing,  ///< it lies in a hole, or its part is hidden
 };
 
 /// The effect of a hit of a triangle at the weights `b1` and `b2`. Shading looks at the hits that masks leave
@@ -65,6 +74,7 @@ enum class HitEffect {
 template <bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel, uint32_t triangle, float b1,
                                              float b2) {
+  if (voxel.hidden != nullptr && voxel.is_hidden(triangle)) return HitEffect::kNothing;
   if (!voxel.has_see_through || !voxel.see_through(triangle)) return HitEffect::kCounts;
   const OpacityState state = voxel.masks ? StateAt(voxel.masks[triangle], b1, b2) : OpacityState::kMixed;
   if (state == OpacityState::kTransparent) return HitEffect::kNothing;
@@ -73,7 +83,8 @@ QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel
 /// Whether EffectOf() may be another than kCounts.
 template <bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline bool MayPass(const VoxelGeometryOf<Index>& voxel, uint32_t triangle) {
-  return (kAnyHit ? voxel.has_see_through : voxel.masks != nullptr) && voxel.see_through(triangle);
+  return voxel.hidden != nullptr ||
+         ((kAnyHit ? voxel.has_see_through : voxel.masks != nullptr) && voxel.see_through(triangle));
 }
 
 template <class Index>

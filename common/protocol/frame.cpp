@@ -25,7 +25,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kCatalog:
       return {0, 0xF0000000u};
     case MessageType::kRenderJob:
-      return {10u << 20, 0};  // kMaxFrames cameras take 9 MiB
+      return {26u << 20, 0};  // kMaxFrames cameras take 9 MiB; and paths of parts
     case MessageType::kLeave:
       return {128u << 10, 0};  // kMaxGivenBack
     case MessageType::kFrameSetup:
@@ -37,15 +37,18 @@ Limits LimitsOf(MessageType type) {
       return {1u << 20, 0xF0000000u};
     case MessageType::kTileDone:
       return {5u << 20, kMaxTileBytes};  // kMaxTileBlocks
+    case MessageType::kSelection:
+      return {512u << 20, 0};  // three bits and two bytes for each of 2^27 parts
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kHello:
     case MessageType::kQuery:
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
-    case MessageType::kRay:
     case MessageType::kRayDone:
       return {kSmall, 0};
+    case MessageType::kRay:
+      return {2 * kSmall, 0};  // kMaxSectionPlanes
     case MessageType::kAnswer:
       return {0, 256u << 20};  // names of materials and parts
     case MessageType::kPing:
@@ -68,8 +71,9 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kClient:
       return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
-      return type == kWelcome || type == kCatalog || type == kFrameSetup || type == kTile || type == kRay ||
-             type == kPeers || type == kFramesEnd || type == kFailure || type == kFarewell || type == kPing;
+      return type == kWelcome || type == kCatalog || type == kSelection || type == kFrameSetup ||
+             type == kTile || type == kRay || type == kPeers || type == kFramesEnd || type == kFailure ||
+             type == kFarewell || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
              type == kFailure || type == kFarewell || type == kPing;

@@ -14,7 +14,7 @@ namespace quarry {
 
 /// The version of the protocol. Programs of different versions refuse each other; it may change freely until
 /// the first release.
-inline constexpr uint32_t kProtocolVersion = 13;
+inline constexpr uint32_t kProtocolVersion = 14;
 
 /// The preamble, the first bytes of each side. Its layout never changes: "QUARRY\0\0" (8), protocol version
 /// (4), the program's version as zero-padded text (20).
@@ -47,8 +47,9 @@ enum class MessageType : uint16_t {
   kFarewell,  ///< a Failure after which the master may be reached again
   kRay,
   kRayDone,
+  kSelection,
 };
-inline constexpr uint16_t kMessageTypes = 23;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 24;  ///< one past the last
 
 /// Seconds. Masters, workers and clients send a message at least every kHeartbeatS, and drop a peer that
 /// sends no byte for kSilenceS. Trades the time until a dead peer is noticed against dropping a peer whose

@@ -1,16 +1,9 @@
 #include "common/protocol/messages.h"
-#include "messages_generated.h"
+#include "common/protocol/selection_messages.h"
+#include "common/protocol/wire_reading.h"
 
 namespace quarry {
 namespace {
-
-template <class Table>
-Bytes Pack(const typename Table::NativeTableType& native) {
-  flatbuffers::FlatBufferBuilder builder(256);
-  builder.Finish(Table::Pack(builder, &native));
-  const auto* data = reinterpret_cast<const std::byte*>(builder.GetBufferPointer());
-  return Bytes(data, data + builder.GetSize());
-}
 
 template <class V>
 auto ToVector(const V& v) {
@@ -55,6 +48,8 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->background = ToVector(view.background);
   w->background_is_light = !view.backdrop;
   for (const Light& light : view.lights) w->lights.push_back(LightToWire(light));
+  w->section = SectionToWire(view.section);
+  w->edges = view.edges;
   return w;
 }
 
@@ -66,6 +61,7 @@ std::unique_ptr<wire::JobT> JobToWire(const RenderJob& job) {
   w->format = job.format.name;
   w->exposure = job.format.exposure.value_or(0);
   w->automatic_exposure = !job.format.exposure;
+  w->parts = PartListsToWire(job.view.parts.lists.get());
   return w;
 }
 
@@ -79,7 +75,7 @@ Bytes Encode(const Hello& m) {
   w.instance = m.instance;
   w.serves_at = m.serves_at;
   w.previous_end = m.previous_end;
-  return Pack<wire::Hello>(w);
+  return PackTable<wire::Hello>(w);
 }
 
 Bytes Encode(const Welcome& m) {
@@ -87,26 +83,26 @@ Bytes Encode(const Welcome& m) {
   w.scene_id.assign(m.scene_id.begin(), m.scene_id.end());
   w.worker = m.worker;
   w.sources = m.sources;
-  return Pack<wire::Welcome>(w);
+  return PackTable<wire::Welcome>(w);
 }
 
 Bytes Encode(const Failure& m) {
   wire::FailureT w;
   w.message = m.message;
-  return Pack<wire::Failure>(w);
+  return PackTable<wire::Failure>(w);
 }
 
 Bytes Encode(const JobRequest& m) {
   wire::JobRequestT w;
   w.job = JobToWire(m.job);
   w.have = m.have;
-  return Pack<wire::JobRequest>(w);
+  return PackTable<wire::JobRequest>(w);
 }
 
 Bytes Encode(const Query& m) {
   wire::QueryT w;
   w.topic = m.topic;
-  return Pack<wire::Query>(w);
+  return PackTable<wire::Query>(w);
 }
 
 Bytes Encode(const FrameProgress& m) {
@@ -115,14 +111,14 @@ Bytes Encode(const FrameProgress& m) {
   w.tiles_done = m.tiles_done;
   w.tiles = m.tiles;
   w.workers = m.workers;
-  return Pack<wire::FrameProgress>(w);
+  return PackTable<wire::FrameProgress>(w);
 }
 
 Bytes Encode(const FrameDone& m) {
   wire::FrameDoneT w;
   w.frame = m.frame;
   w.statistics = m.statistics;
-  return Pack<wire::FrameDone>(w);
+  return PackTable<wire::FrameDone>(w);
 }
 
 Bytes Encode(const FrameSetup& m) {
@@ -131,7 +127,8 @@ Bytes Encode(const FrameSetup& m) {
   w.oldest = m.oldest;
   w.view = ViewToWire(m.view);
   w.view->camera = CameraToWire(m.view.camera);
-  return Pack<wire::FrameSetup>(w);
+  w.view->selection = m.view.parts.id();
+  return PackTable<wire::FrameSetup>(w);
 }
 
 Bytes Encode(const TileOrder& m) {
@@ -153,13 +150,13 @@ Bytes Encode(const TileOrder& m) {
   w.urgency = static_cast<uint8_t>(m.urgency);
   w.blocks = m.blocks;
   w.holders = m.holders;
-  return Pack<wire::TileOrder>(w);
+  return PackTable<wire::TileOrder>(w);
 }
 
 Bytes Encode(const FramesEnd& m) {
   wire::FramesEndT w;
   w.frames = m.frames;
-  return Pack<wire::FramesEnd>(w);
+  return PackTable<wire::FramesEnd>(w);
 }
 
 Bytes Encode(const Leave& m) {
@@ -167,7 +164,7 @@ Bytes Encode(const Leave& m) {
   w.frames = m.frames;
   w.leases = m.leases;
   w.last = m.last;
-  return Pack<wire::Leave>(w);
+  return PackTable<wire::Leave>(w);
 }
 
 Bytes Encode(const TileDone& m) {
@@ -180,7 +177,7 @@ Bytes Encode(const TileDone& m) {
   w.compute_us = m.compute_us;
   w.depths = m.depths;
   w.blocks = m.blocks;
-  return Pack<wire::TileDone>(w);
+  return PackTable<wire::TileDone>(w);
 }
 
 Bytes Encode(const RayOrder& m) {
@@ -190,7 +187,9 @@ Bytes Encode(const RayOrder& m) {
   w.origin = ToVector(m.query.origin);
   w.direction = ToVector(m.query.direction);
   w.end = m.query.end;
-  return Pack<wire::RayOrder>(w);
+  w.selection = m.parts.id();
+  w.section = SectionToWire(m.section);
+  return PackTable<wire::RayOrder>(w);
 }
 
 Bytes Encode(const RayDone& m) {
@@ -201,14 +200,14 @@ Bytes Encode(const RayDone& m) {
   w.triangle = m.triangle;
   w.voxel = m.voxel;
   w.local = m.local;
-  return Pack<wire::RayDone>(w);
+  return PackTable<wire::RayDone>(w);
 }
 
 Bytes Encode(const Peers& m) {
   wire::PeersT w;
   w.workers = m.workers;
   w.endpoints = m.endpoints;
-  return Pack<wire::Peers>(w);
+  return PackTable<wire::Peers>(w);
 }
 
 Bytes Encode(const WorkerStatus& m) {
@@ -235,13 +234,13 @@ Bytes Encode(const WorkerStatus& m) {
   w.prefetch_wasted_bytes = m.prefetch_wasted_bytes;
   w.decode_us = m.decode_us;
   w.tiles_wanted = m.tiles_wanted;
-  return Pack<wire::WorkerStatus>(w);
+  return PackTable<wire::WorkerStatus>(w);
 }
 
 Bytes Encode(const BlockRequest& m) {
   wire::BlockRequestT w;
   w.block = m.block;
-  return Pack<wire::BlockRequest>(w);
+  return PackTable<wire::BlockRequest>(w);
 }
 
 }  // namespace quarry

@@ -4,7 +4,8 @@
 
 #include <algorithm>
 
-#include "messages_generated.h"
+#include "common/protocol/selection_messages.h"
+#include "common/protocol/wire_reading.h"
 
 // Fields are read in place from the verified buffer. FlatBuffers allows many references to one table, vector
 // or string, so a small message could unpack to gigabytes. Therefore every count and length is checked before
@@ -13,49 +14,10 @@
 namespace quarry {
 namespace {
 
-/// Least bytes of a camera, a light and a string in a message from Encode(), which shares none.
-constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 56, kLeastStringBytes = 9;
+/// Least bytes of a camera and a light in a message from Encode(), which shares none.
+constexpr size_t kLeastCameraBytes = 96, kLeastLightBytes = 56;
 /// Limit of a text. A failure or a frame's statistics are shorter.
 constexpr size_t kMostTextBytes = 1u << 20;
-
-/// The verified root table, which points into `bytes`. Returns: null when not well formed.
-template <class Table>
-const Table* Root(std::span<const std::byte> bytes) {
-  flatbuffers::Verifier verifier(reinterpret_cast<const uint8_t*>(bytes.data()), bytes.size(), 16,
-                                 kMaxFrames * 2);
-  if (bytes.size() < 8 || !verifier.VerifyBuffer<Table>(nullptr)) return nullptr;
-  return flatbuffers::GetRoot<Table>(bytes.data());
-}
-
-tl::unexpected<Error> NotWellFormed() { return Fail("received a message that is not well formed"); }
-
-template <class Vector>
-size_t SizeOf(const Vector* vector) {
-  return vector ? vector->size() : 0;
-}
-
-template <class T>
-std::vector<T> Copy(const flatbuffers::Vector<T>* vector) {
-  return vector ? std::vector<T>(vector->begin(), vector->end()) : std::vector<T>();
-}
-
-template <class V>
-bool Read(const flatbuffers::Vector<typename V::value_type>* values, V& v) {
-  if (SizeOf(values) != 3) return false;
-  v = V(values->Get(0), values->Get(1), values->Get(2));
-  return true;
-}
-
-/// Copies texts. Returns: false when their bytes exceed the message, so that texts share bytes.
-bool Read(const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* texts, size_t message_bytes,
-          std::vector<std::string>& out) {
-  size_t bytes = 0;
-  for (size_t i = 0; i < SizeOf(texts); ++i)
-    if ((bytes += kLeastStringBytes + texts->Get(static_cast<uint32_t>(i))->size()) > message_bytes)
-      return false;
-  for (size_t i = 0; i < SizeOf(texts); ++i) out.push_back(texts->Get(static_cast<uint32_t>(i))->str());
-  return true;
-}
 
 bool ReadLight(const wire::Light& l, Light& light) {
   light.kind = static_cast<LightKind>(l.kind());
@@ -92,7 +54,8 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.ao_samples = w.ao_samples();
   view.ao_distance = w.ao_distance();
   view.backdrop = !w.background_is_light();
-  return {};
+  view.edges = w.edges();
+  return ReadSection(w.section(), view.section);
 }
 
 Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
@@ -110,6 +73,9 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   job.first_frame = w.first_frame();
   job.format.name = w.format() ? w.format()->str() : std::string();
   if (!w.automatic_exposure()) job.format.exposure = w.exposure();
+  if (w.parts()) {
+    QUARRY_ASSIGN(job.view.parts.lists, ReadPartLists(*w.parts(), message_bytes));
+  }
   QUARRY_TRY(NormalizeJob(job));
   return job;
 }
@@ -203,6 +169,7 @@ Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {
   FrameSetup m;
   m.frame = w->frame();
   m.oldest = w->oldest();
+  m.selection = w->view() ? w->view()->selection() : 0;
   if (!w->view() || !w->view()->camera() || !ReadCamera(*w->view()->camera(), m.view.camera))
     return Fail("received a frame without a view");
   QUARRY_TRY(ReadView(*w->view(), table.size(), m.view));
@@ -266,6 +233,8 @@ Result<RayOrder> DecodeRayOrder(std::span<const std::byte> table) {
   m.ray = w->ray();
   m.lease = w->lease();
   m.query.end = w->end();
+  m.selection = w->selection();
+  QUARRY_TRY(ReadSection(w->section(), m.section));
   QUARRY_TRY(CheckRay(m.query));
   return m;
 }

@@ -56,11 +56,16 @@ struct FrameDone {
   uint32_t frame = 0;
   std::string statistics;  ///< JSON
 };
-/// A frame to render.
+/// The parts that views show; views name it by its id. A worker keeps the newest kMostSelections of them, and
+/// those of its views.
+using SelectionSetup = PartSelection;
+inline constexpr size_t kMostSelections = 4;
+/// A frame to render. The id of the view's selection travels; the receiver puts the selection there.
 struct FrameSetup {
   uint64_t frame = 0;  ///< its number, which its tiles name
   View view;
-  uint64_t oldest = 0;  ///< frames below this number have ended
+  uint64_t oldest = 0;     ///< frames below this number have ended
+  uint64_t selection = 0;  ///< decoded: the id of the view's selection; 0: all parts as they are
 };
 /// A tile to render under a lease. A result that its sender holds no lease of is dropped.
 struct TileOrder {
@@ -101,6 +106,9 @@ struct RayOrder {
   uint32_t ray = 0;
   uint64_t lease = 0;
   RayQuery query;
+  ViewParts parts;         ///< that the ray may hit; its selection's id travels
+  SectionCut section;      ///< of the view
+  uint64_t selection = 0;  ///< decoded: the id of the selection; 0: all parts
 };
 /// The nearest hit of a ray.
 struct RayDone {
@@ -152,6 +160,7 @@ Bytes Encode(const JobRequest& m);
 Bytes Encode(const Query& m);
 Bytes Encode(const FrameProgress& m);
 Bytes Encode(const FrameDone& m);
+Bytes Encode(const SelectionSetup& m);
 Bytes Encode(const FrameSetup& m);
 Bytes Encode(const TileOrder& m);
 Bytes Encode(const FramesEnd& m);
@@ -172,6 +181,7 @@ Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table);
 Result<Query> DecodeQuery(std::span<const std::byte> table);
 Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table);
 Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table);
+Result<SelectionSetup> DecodeSelection(std::span<const std::byte> table);
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
 Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table);

@@ -73,6 +73,7 @@ Status NormalizeView(View& view) {
   }
   if (!Nonnegative(view.ambient) || !Nonnegative(view.background))
     return BadUsage("ambient and background must be >= 0");
+  QUARRY_TRY(NormalizeSection(view.section));
   return CheckCamera(view.camera);
 }
 

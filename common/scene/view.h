@@ -5,7 +5,9 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/scene/part_selection.h"
 #include "common/scene/render_mode.h"
+#include "common/scene/section_cut.h"
 
 namespace quarry {
 
@@ -72,6 +74,9 @@ struct View {
   /// light.
   bool backdrop = true;
   CameraSpec camera;
+  ViewParts parts;
+  SectionCut section;
+  bool edges = false;  ///< whether thin dark lines are drawn where parts or normals meet
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
   bool operator==(const View&) const = default;

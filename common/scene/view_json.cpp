@@ -143,7 +143,109 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
   return j;
 }
 
+ordered_json ToJson(const SectionCut& section, const glm::dvec3& offset) {
+  ordered_json j;
+  if (section.has_box) j["box"] = {ToJson(section.lower + offset), ToJson(section.upper + offset)};
+  for (const SectionPlane& plane : section.planes)
+    j["planes"].push_back({{"point", ToJson(plane.point + offset)}, {"normal", ToJson(plane.normal)}});
+  j["caps"] = section.caps;
+  return j;
+}
+
+/// Reads a list of paths. Errors: a path without a letter.
+Status ReadPaths(const JsonValue& value, std::vector<std::string>& out) {
+  QUARRY_ASSIGN(const std::vector<JsonValue> list, value.List());
+  for (const JsonValue& element : list) {
+    QUARRY_ASSIGN(out.emplace_back(), element.Text());
+    if (out.back().empty()) return element.Wrong("is an empty path");
+  }
+  return {};
+}
+
+Status ReadOnly(const JsonValue& value, std::optional<std::vector<std::string>>& out) {
+  QUARRY_TRY(ReadPaths(value, out.emplace()));
+  return out->empty() ? value.Wrong("is empty: nothing would be shown") : Status{};
+}
+
+Status ReadColorings(const JsonValue& value, std::vector<PartLists::Coloring>& out) {
+  QUARRY_ASSIGN(const std::vector<JsonValue> list, value.List());
+  if (list.size() > kMostPartColors)
+    return value.Wrong(fmt::format("has more than {} entries", kMostPartColors));
+  for (const JsonValue& element : list) {
+    QUARRY_TRY(element.HasOnly({"parts", "color"}));
+    PartLists::Coloring& coloring = out.emplace_back();
+    QUARRY_ASSIGN(const JsonValue parts, element.Member("parts"));
+    QUARRY_TRY(ReadPaths(parts, coloring.parts));
+    QUARRY_ASSIGN(const JsonValue color, element.Member("color"));
+    if (color.is_null()) continue;
+    glm::dvec3 numbers;
+    QUARRY_TRY(ReadVector(color, 0, 1, numbers));
+    coloring.color = glm::vec3(numbers);
+  }
+  return {};
+}
+
+Status ReadPlane(const JsonValue& value, const glm::dvec3& offset, SectionPlane& plane) {
+  QUARRY_TRY(value.HasOnly({"point", "normal"}));
+  QUARRY_ASSIGN(const JsonValue point, value.Member("point"));
+  QUARRY_TRY(ReadPoint(point, plane.point));
+  plane.point -= offset;
+  QUARRY_ASSIGN(const JsonValue normal, value.Member("normal"));
+  return ReadPoint(normal, plane.normal);
+}
+
+Status ReadSection(const JsonValue& value, const glm::dvec3& offset, SectionCut& section) {
+  QUARRY_TRY(value.HasOnly({"box", "planes", "caps"}));
+  section = {};
+  QUARRY_ASSIGN(const std::optional<JsonValue> box, value.Optional("box"));
+  if (box) {
+    QUARRY_ASSIGN(const std::vector<JsonValue> corners, box->List());
+    if (corners.size() != 2) return box->Wrong("must be two corners");
+    QUARRY_TRY(ReadPoint(corners[0], section.lower));
+    QUARRY_TRY(ReadPoint(corners[1], section.upper));
+    section.lower -= offset;
+    section.upper -= offset;
+    section.has_box = true;
+  }
+  QUARRY_ASSIGN(const std::optional<JsonValue> planes, value.Optional("planes"));
+  if (planes) {
+    QUARRY_ASSIGN(const std::vector<JsonValue> list, planes->List());
+    if (list.size() > kMaxSectionPlanes)
+      return planes->Wrong(
+          fmt::format("has {} planes, and at most {} are possible", list.size(), kMaxSectionPlanes));
+    for (const JsonValue& element : list)
+      QUARRY_TRY(ReadPlane(element, offset, section.planes.emplace_back()));
+  }
+  QUARRY_ASSIGN(const std::optional<JsonValue> caps, value.Optional("caps"));
+  if (caps) {
+    QUARRY_ASSIGN(section.caps, caps->Flag());
+  }
+  if (const Status status = NormalizeSection(section); !status) return value.Wrong(status.error().message);
+  return {};
+}
+
 }  // namespace
+
+Result<std::shared_ptr<const PartLists>> ReadPartLists(const JsonValue& json) {
+  auto lists = std::make_shared<PartLists>();
+  QUARRY_TRY(ReadOptional(json, "hide", ReadPaths, lists->hide));
+  QUARRY_TRY(ReadOptional(json, "only", ReadOnly, lists->only));
+  QUARRY_TRY(ReadOptional(json, "colors", ReadColorings, lists->colors));
+  if (lists->empty()) return nullptr;
+  return lists;
+}
+
+ordered_json PartListsToJson(const PartLists& lists) {
+  ordered_json j = ordered_json::object();
+  if (!lists.hide.empty()) j["hide"] = lists.hide;
+  if (lists.only) j["only"] = *lists.only;
+  for (const PartLists::Coloring& coloring : lists.colors) {
+    ordered_json color;
+    if (coloring.color) color = ToJson(*coloring.color);
+    j["colors"].push_back({{"parts", coloring.parts}, {"color", std::move(color)}});
+  }
+  return j;
+}
 
 Status ReadUpAxis(const JsonValue& value, uint32_t& axis) {
   QUARRY_ASSIGN(const std::string name, value.Text());
@@ -205,8 +307,9 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
-  QUARRY_TRY(json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "up_axis", "ao", "lights",
-                           "ambient", "background", "exposure"}));
+  QUARRY_TRY(
+      json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "up_axis", "ao", "lights",
+                    "ambient", "background", "exposure", "hide", "only", "colors", "section", "edges"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -224,6 +327,14 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "up_axis", ReadUpAxis, view.up_axis));
   QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
+  QUARRY_ASSIGN(const auto lists, ReadPartLists(json));
+  if (lists) view.parts = {lists, nullptr};
+  QUARRY_ASSIGN(const std::optional<JsonValue> section, json.Optional("section"));
+  if (section) QUARRY_TRY(ReadSection(*section, offset, view.section));
+  QUARRY_ASSIGN(const std::optional<JsonValue> edges, json.Optional("edges"));
+  if (edges) {
+    QUARRY_ASSIGN(view.edges, edges->Flag());
+  }
   return ReadLighting(json, offset, view);
 }
 
@@ -250,6 +361,9 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
   j["ambient"] = ToJson(view.ambient);
   if (!view.backdrop) j["background"] = ToJson(view.background);
   if (exposure) j["exposure"] = *exposure;
+  if (view.parts.lists) j.update(PartListsToJson(*view.parts.lists));
+  if (!view.section.empty()) j["section"] = ToJson(view.section, offset);
+  if (view.edges) j["edges"] = true;
   return j;
 }
 

@@ -20,7 +20,10 @@ struct ViewDescription {
 ///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
 ///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
-///    "exposure": EV}
+///    "exposure": EV, "hide": [path, ...], "only": [path, ...],
+///    "colors": [{"parts": [path, ...], "color": [r,g,b] or null}],
+///    "section": {"box": [[x,y,z], [x,y,z]], "planes": [{"point": [x,y,z], "normal": [x,y,z]}], "caps":
+///    true}, "edges": false}
 /// A missing member leaves its value in `into` unchanged. Lights are as in ReadLight(). Units: lengths in
 /// scene units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors
 /// (each names the place): a member of another name, or of a value that cannot be. The view is not
@@ -30,6 +33,11 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
 /// The view as ReadView() reads it, each member written. Thread-safe.
 nlohmann::ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
                                   const glm::dvec3& offset);
+
+/// Reads the members "hide", "only" and "colors" of a view. Returns: null when there is none of them.
+Result<std::shared_ptr<const PartLists>> ReadPartLists(const JsonValue& json);
+/// The lists as members, for ReadPartLists().
+nlohmann::ordered_json PartListsToJson(const PartLists& lists);
 
 /// Reads "y" as 1 and "z" as 2.
 Status ReadUpAxis(const JsonValue& value, uint32_t& axis);

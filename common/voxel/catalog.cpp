@@ -94,16 +94,9 @@ Status DecodeTopTree(std::span<const std::byte> bytes, Catalog& catalog) {
   }
   catalog.top_node_count = static_cast<uint32_t>(nodes.size());
   const Box box{catalog.meta.root_lower, catalog.meta.root_upper};
-  const auto voxels_box = [&](const KdNode& leaf, const Box& cell) {
-    if (leaf.count() == 0) return cell;
-    Box8 around = Box8::Empty();
-    for (uint32_t v = leaf.first(); v < catalog.chain_end[leaf.first()]; ++v) {
-      const VoxelBounds& b = catalog.bounds[v];
-      around.Include(Box8::Of({{b.lower[0], b.lower[1], b.lower[2]}, {b.upper[0], b.upper[1], b.upper[2]}}));
-    }
-    return around.Within(Box8::Of(cell)).box();
-  };
-  catalog.top_wide = MakeWideTree(nodes, box, 0, voxels_box);
+  catalog.top_wide = MakeWideTree(nodes, box, 0, [&](const KdNode& leaf, const Box& cell) {
+    return BoxOfVoxels(catalog, leaf, cell, [](uint32_t) { return false; });
+  });
   catalog.top_nodes = LayOutTreelets(nodes, kTreeletLevels, box);
   return {};
 }

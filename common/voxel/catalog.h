@@ -11,6 +11,7 @@
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
+#include "common/kdtree/build/box8.h"
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
@@ -167,6 +168,20 @@ struct Catalog {
             meta.root_lower,  meta.root_upper,  top_wide.data()};
   }
 };
+
+/// The box of the voxels of a leaf, within its cell. Voxels are left out where is_hidden(voxel) is true; a
+/// leaf without voxels has its cell.
+template <class IsHidden>
+Box BoxOfVoxels(const Catalog& catalog, const KdNode& leaf, const Box& cell, const IsHidden& is_hidden) {
+  if (leaf.count() == 0) return cell;
+  Box8 around = Box8::Empty();
+  for (uint32_t v = leaf.first(); v < catalog.chain_end[leaf.first()]; ++v) {
+    if (is_hidden(v)) continue;
+    const VoxelBounds& b = catalog.bounds[v];
+    around.Include(Box8::Of({{b.lower[0], b.lower[1], b.lower[2]}, {b.upper[0], b.upper[1], b.upper[2]}}));
+  }
+  return around.Within(Box8::Of(cell)).box();
+}
 
 /// The bytes of a section, owned or not.
 struct Section {

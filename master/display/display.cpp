@@ -30,15 +30,20 @@ uint64_t FirstFrame() { return kFirstLiveFrame | uint64_t{std::random_device{}()
 }  // namespace
 
 Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const DisplayOptions& options,
-                                               const Scene& scene, WorkerRegistry& workers,
-                                               QueryService& queries, SavedPictures::JobService jobs,
+                                               const Scene& scene, PartSelections& selections,
+                                               WorkerRegistry& workers, QueryService& queries,
+                                               SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log) {
   QUARRY_ASSIGN(Access access, MakeAccess(options));
-  std::unique_ptr<Display> display(
-      new Display(io, options, scene, workers, std::move(access), std::move(jobs), std::move(log)));
+  std::unique_ptr<Display> display(new Display(io, options, scene, selections, workers, std::move(access),
+                                               std::move(jobs), std::move(log)));
   Display& d = *display;
   QUARRY_ASSIGN(d.server_,
-                HttpServer::Open(io, {.listen = options.listen, .tls = options.tls, .log = d.log_},
+                HttpServer::Open(io,
+                                 {.listen = options.listen,
+                                  .tls = options.tls,
+                                  .most_message_bytes = kMostMessageBytes,
+                                  .log = d.log_},
                                  {[&d](const HttpRequest& request) { return d.OnRequest(request); },
                                   [&d](const HttpRequest& request) { return d.MayUpgrade(request); },
                                   [&d](std::shared_ptr<WebSocket> socket, const HttpRequest&) {
@@ -49,8 +54,8 @@ Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const Displ
 }
 
 Display::Display(asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-                 WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
-                 std::function<void(const std::string&)> log)
+                 PartSelections& selections, WorkerRegistry& workers, Access access,
+                 SavedPictures::JobService jobs, std::function<void(const std::string&)> log)
     : io_(io),
       options_(options),
       workers_(workers),
@@ -58,8 +63,10 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
       log_(std::move(log)),
       dispatcher_(*this, FirstFrame()),
       rays_([this](uint32_t worker, const RayOrder& order) {
-        if (const WorkerRecord* w = workers_.FindById(worker))
-          w->connection->Send(MakeMessage(MessageType::kRay, order));
+        WorkerRecord* w = workers_.FindById(worker);
+        if (!w) return;
+        w->TellSelection(order.parts);
+        w->connection->Send(MakeMessage(MessageType::kRay, order));
       }),
       stats_(scene.catalog().id),
       moving_(io),
@@ -72,6 +79,7 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
             dispatcher_,
             rays_,
             scene,
+            selections,
             *source_,
             saved_,
             {scene.catalog().id, scene.catalog().meta.offset},
@@ -132,8 +140,10 @@ void Display::WorkerFailed(const std::string& sentence) {
 }
 
 void Display::SetUp(uint32_t worker, FrameId frame, const View& view) {
-  if (const WorkerRecord* w = workers_.FindById(worker))
-    w->connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame, view, 0}));
+  WorkerRecord* w = workers_.FindById(worker);
+  if (!w) return;
+  w->TellSelection(view.parts);
+  w->connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame, view, 0}));
 }
 
 void Display::Order(uint32_t worker, TileOrder order) {

@@ -27,8 +27,9 @@ class Display : private LiveDispatcher::Sink {
   /// Listens. `io`, `scene`, `workers`, `queries` and the objects that `jobs` uses outlive it. Errors: as
   /// HttpServer::Open() and Access::Make(); (usage) an invalid viewer URL.
   static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
-                                               const Scene& scene, WorkerRegistry& workers,
-                                               QueryService& queries, SavedPictures::JobService jobs,
+                                               const Scene& scene, PartSelections& selections,
+                                               WorkerRegistry& workers, QueryService& queries,
+                                               SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log);
   ~Display() override;
 
@@ -56,7 +57,7 @@ class Display : private LiveDispatcher::Sink {
 
  private:
   Display(boost::asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-          WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
+          PartSelections& selections, WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
           std::function<void(const std::string&)> log);
 
   // LiveDispatcher::Sink

@@ -79,7 +79,7 @@ void Picker::Ask(const PickMessage& pick, const View& view) {
   if (!CheckRay(ray))
     return (*answer_)(AnswerText(pick.pick, nullptr));  // so far away that nothing is visible
   const uint32_t number =
-      rays_.Ask(ray, [this, number = pick.pick, ray, eye = view.camera.eye](const RayDone& hit) {
+      rays_.Ask(ray, view, [this, number = pick.pick, ray, eye = view.camera.eye](const RayDone& hit) {
         asked_.erase(hit.ray);
         OnHit(number, ray, eye, hit);
       });

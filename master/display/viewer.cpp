@@ -36,6 +36,15 @@ std::string RefusalText(const std::string& sentence) {
       -1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
+std::string IdText(uint64_t id) { return fmt::format("{:016x}", id); }
+
+/// The answer to the browser's lists of parts.
+std::string SelectionText(const ordered_json& members) {
+  ordered_json answer{{"type", "selection"}};
+  answer.update(members);
+  return answer.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
+}
+
 double Rounded(double ms) { return std::round(ms * 100) / 100; }
 
 ordered_json Header(const DueFrame& due, const EncodedFrame& encoded, uint64_t number) {
@@ -184,12 +193,22 @@ void Viewer::OnText(const std::string& text) {
 }
 
 Status Viewer::OnMessage(const std::string& text) {
-  auto message = ReadViewerMessage(text, site_.defaults, site_.facts.offset, site_.memory.most_pixels());
+  uint64_t unknown = 0;
+  auto message = ReadViewerMessage(text, site_.defaults, site_.facts.offset, site_.memory.most_pixels(),
+                                   [&](uint64_t id) {
+                                     auto lists = site_.selections.Find(id);
+                                     if (!lists) unknown = id;
+                                     return lists;
+                                   });
+  if (unknown != 0)
+    return SendAnswer(SelectionText({{"error", message.error().message}, {"unknown", IdText(unknown)}})),
+           Status{};
   if (!message) return Refuse(message.error().message), Status{};
   if (auto* view = std::get_if<WantedView>(&*message)) return OnView(std::move(*view));
   if (const auto* ack = std::get_if<AckMessage>(&*message)) OnAck(ack->frame);
   if (const auto* settings = std::get_if<SettingsMessage>(&*message)) OnSettings(*settings);
   if (const auto* pick = std::get_if<PickMessage>(&*message)) OnPick(*pick);
+  if (const auto* select = std::get_if<SelectMessage>(&*message)) OnSelect(*select);
   if (auto* save = std::get_if<SaveMessage>(&*message)) OnSave(std::move(*save));
   return {};
 }
@@ -198,6 +217,24 @@ void Viewer::OnPick(const PickMessage& pick) {
   if (!newest_) return Refuse("a pick was sent before any view");
   picker_.Ask(pick, *newest_);
   site_.assign_soon();
+}
+
+/// Resolves lists of parts, for the views that come.
+void Viewer::OnSelect(const SelectMessage& select) {
+  View view;
+  view.parts.lists = select.lists;
+  const Status known = site_.selections.Complete(view);
+  const PartSelection* selection = view.parts.selection.get();
+  const auto extent = known ? site_.selections.ExtentOf(selection) : tl::unexpected<Error>(known.error());
+  if (!extent) return SendAnswer(SelectionText({{"error", extent.error().message}}));
+  ordered_json members{{"id", selection ? IdText(selection->id) : ""}, {"hidden", extent->hidden}};
+  const auto corner = [&](const glm::vec3& at) {
+    const glm::dvec3 p = glm::dvec3(at) + site_.facts.offset;
+    return ordered_json{p.x, p.y, p.z};
+  };
+  if (extent->lower.x <= extent->upper.x)
+    members["shown_box"] = {corner(extent->lower), corner(extent->upper)};
+  SendAnswer(SelectionText(members));
 }
 
 /// Requests a picture instead of the one requested before.
@@ -229,6 +266,8 @@ Status Viewer::OnView(WantedView wanted) {
     return Fail(fmt::format(
         "there is no memory for another view of this size: all views together may take {} (--view-memory)",
         FormatSize(memory.most)));
+  if (const Status known = site_.selections.Complete(wanted.view); !known)
+    return Refuse(known.error().message), Status{};
   memory.largest = std::max(memory.largest, pixels);
   Charge(std::max(pixels, pacer_.held_pixels()));
   newest_ = wanted.view;

@@ -18,6 +18,7 @@
 #include "master/display/saved_picture.h"
 #include "master/display/view_pacer.h"
 #include "master/display/viewer_message.h"
+#include "master/part_selections.h"
 
 namespace boost::asio {
 class io_context;
@@ -48,7 +49,8 @@ struct ViewerSite {
   LiveDispatcher& dispatcher;
   RayDispatcher& rays;
   const Scene& scene;
-  VoxelSource& source;  ///< of the scene's blocks
+  PartSelections& selections;  ///< of the scene
+  VoxelSource& source;         ///< of the scene's blocks
   SavedPictures& saved;
   SceneFacts facts;
   ViewDescription defaults;  ///< of views
@@ -93,6 +95,7 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void OnSettings(const SettingsMessage& message);
   void OnAck(uint64_t frame);
   void OnPick(const PickMessage& pick);
+  void OnSelect(const SelectMessage& select);
   void OnSave(SaveMessage message);
   bool TooMany();
   void Refuse(const std::string& sentence);

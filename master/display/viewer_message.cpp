@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -14,7 +15,8 @@
 namespace quarry {
 namespace {
 
-constexpr JsonLimits kLimits{64u << 10, 16, 4096, 64};
+/// Of a message: lists of parts may be long.
+constexpr JsonLimits kLimits{kMostMessageBytes, 16, 1u << 16, 64};
 constexpr double kLeastRate = 10, kMostRate = 60, kMostExposure = 100;
 constexpr uint64_t kLeastQuality = 30, kMostQuality = 95;
 
@@ -128,19 +130,54 @@ Result<SettingsMessage> ReadSettings(const JsonValue& json) {
   return message;
 }
 
+Result<SelectMessage> ReadSelect(const JsonValue& json) {
+  QUARRY_TRY(json.HasOnly({"type", "hide", "only", "colors"}));
+  QUARRY_ASSIGN(auto lists, ReadPartLists(json));
+  return SelectMessage{std::move(lists)};
+}
+
+/// Takes the member "selection" out of a message's view. Returns: its lists, null where there is none.
+/// Errors: it is no id; it is not known.
+Result<std::shared_ptr<const PartLists>> TakeSelection(nlohmann::json& message, const FindLists& find) {
+  const auto view = message.is_object() ? message.find("view") : message.end();
+  if (view == message.end() || !view->is_object()) return nullptr;
+  const auto named = view->find("selection");
+  if (named == view->end()) return nullptr;
+  const std::string text = named->is_string() ? named->get<std::string>() : std::string();
+  uint64_t id = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), id, 16);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size())
+    return Fail("the selection of a view must be an id in hexadecimal digits");
+  view->erase(named);
+  auto lists = find ? find(id) : nullptr;
+  if (!lists) return Fail(fmt::format("the selection {} is not known here: send its lists again", text));
+  return lists;
+}
+
 }  // namespace
 
 Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescription& defaults,
-                                        const glm::dvec3& offset, uint64_t most_pixels) {
+                                        const glm::dvec3& offset, uint64_t most_pixels,
+                                        const FindLists& find) {
   static const std::string kName = "the browser's message";
-  QUARRY_ASSIGN(const auto parsed, ParseJson<nlohmann::json>(text, kName, kLimits));
+  QUARRY_ASSIGN(auto parsed, ParseJson<nlohmann::json>(text, kName, kLimits));
+  QUARRY_ASSIGN(const auto lists, TakeSelection(parsed, find));
   const JsonValue json(parsed, kName);
   QUARRY_ASSIGN(const JsonValue type, json.Member("type"));
   const Result<std::string> name = type.Text();
-  if (name == "view") return ReadWanted(json, defaults, offset, most_pixels);
+  if (name == "view") {
+    QUARRY_ASSIGN(WantedView wanted, ReadWanted(json, defaults, offset, most_pixels));
+    if (lists) wanted.view.parts.lists = lists;
+    return wanted;
+  }
   if (name == "pick") return ReadPick(json);
   if (name == "settings") return ReadSettings(json);
-  if (name == "save") return ReadSave(json, defaults, offset);
+  if (name == "save") {
+    QUARRY_ASSIGN(SaveMessage save, ReadSave(json, defaults, offset));
+    if (save.job && lists) save.job->view.parts.lists = lists;
+    return save;
+  }
+  if (name == "select") return ReadSelect(json);
   if (name != "ack") return type.Wrong("is not a known type of message");
   QUARRY_TRY(json.HasOnly({"type", "frame"}));
   QUARRY_ASSIGN(const JsonValue frame, json.Member("frame"));

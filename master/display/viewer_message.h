@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <variant>
@@ -14,6 +16,9 @@ namespace quarry {
 
 /// Limit of a view's side in pixels: that of a browser's canvas.
 inline constexpr uint32_t kMostSide = 16384;
+
+/// Limit of a message's bytes: lists of parts may be long.
+inline constexpr size_t kMostMessageBytes = 1u << 20;
 
 /// The messages of a browser. See PROTOCOL.md.
 struct AckMessage {
@@ -34,11 +39,21 @@ struct SaveMessage {
   uint64_t save = 0;
   std::optional<RenderJob> job;
 };
-using ViewerMessage = std::variant<WantedView, AckMessage, PickMessage, SettingsMessage, SaveMessage>;
+/// The parts that later views show: they name it by the id in the answer.
+struct SelectMessage {
+  std::shared_ptr<const PartLists> lists;  ///< null: all parts as they are
+};
+using ViewerMessage =
+    std::variant<WantedView, AckMessage, PickMessage, SettingsMessage, SaveMessage, SelectMessage>;
+
+/// Finds the lists of a selection by its id. Null: it is not known.
+using FindLists = std::function<std::shared_ptr<const PartLists>(uint64_t id)>;
 
 /// Reads a browser's message. `defaults`: members of views that are missing. `offset`: SceneMeta::offset.
-/// `most_pixels`: of a view. Views come out normalized. Errors: a sentence for the viewer. Thread-safe.
+/// `most_pixels`: of a view. `find`: for views that name a selection. Views come out normalized. Errors: a
+/// sentence for the viewer. Thread-safe as `find` is.
 Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescription& defaults,
-                                        const glm::dvec3& offset, uint64_t most_pixels);
+                                        const glm::dvec3& offset, uint64_t most_pixels,
+                                        const FindLists& find = {});
 
 }  // namespace quarry

@@ -54,6 +54,10 @@ void Jobs::TakeUp() {
       callbacks_.log(fmt::format("job {} stays in the spool: {}", found.id, fits.error().message));
       continue;
     }
+    if (const Status known = Complete(found.job); !known) {
+      callbacks_.log(fmt::format("job {} stays in the spool: {}", found.id, known.error().message));
+      continue;
+    }
     auto job = std::make_shared<Job>(found.id, std::move(found.job));
     job->suspect = found.tries > 0;
     for (size_t f = 0; f < found.finished.size(); ++f)
@@ -75,6 +79,7 @@ Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) 
   } else {
     QUARRY_TRY(memory_.CheckJob(request.job, JobsBytes()));
     if (spool_) QUARRY_TRY(spool_->CheckNotSetAside(id));
+    QUARRY_TRY(Complete(request.job));
     job = std::make_shared<Job>(id, std::move(request.job));
     callbacks_.log(fmt::format("job {} from {}: {}", ShortId(id), client->peer(), Describe(job->job)));
     job->tried = true;  // the spool notes a new job's first try with it
@@ -89,6 +94,10 @@ Status Jobs::Ask(const std::shared_ptr<Connection>& client, JobRequest request) 
   Deliver(job);
   callbacks_.on_work();
   return {};
+}
+
+Status Jobs::Complete(RenderJob& job) const {
+  return callbacks_.complete ? callbacks_.complete(job.view) : Status{};
 }
 
 uint64_t Jobs::JobsBytes() const {

@@ -41,6 +41,8 @@ class Jobs {
     std::function<void(const std::string&)> log;
     /// The exposure of a job's first view; called on a thread of this class.
     std::function<Result<double>(const View&, std::stop_token)> meter;
+    /// Sets the selection of a view's parts. Empty: views have none.
+    std::function<Status(View&)> complete = {};
   };
   /// `frame_memory`: bytes of frames and jobs, see FrameMemory.
   Jobs(boost::asio::io_context& io, const SceneFacts& scene, std::optional<Spool> spool,
@@ -51,7 +53,8 @@ class Jobs {
   /// memory than there is.
   void TakeUp();
   /// A client asks for a job, and may have some of its frames. A job asked for twice is one job.
-  /// Errors: the job takes more memory than there is, or was set aside; nothing of it is kept.
+  /// Errors: the job takes more memory than there is, or was set aside; a part that it names is not there.
+  /// Nothing of it is kept then.
   Status Ask(const std::shared_ptr<Connection>& client, JobRequest request);
   /// Returns whether the client still waited for frames.
   bool ForgetClient(const std::shared_ptr<Connection>& client, double now_s);
@@ -80,6 +83,7 @@ class Jobs {
 
  private:
   void Remove(std::shared_ptr<Job> job);
+  Status Complete(RenderJob& job) const;
   bool HasRoom(const Job& job);
   bool DropLastImage();
   Result<double> ExposureOf(Job& job);

@@ -31,6 +31,7 @@ bool Emits(const Material& m) {
 View MeteredView(View view) {
   view.crop = {0, 0, view.width, view.height};
   view.spp = 1;
+  view.edges = false;
   view.aov_mask = 1u << static_cast<int>(Aov::kDepth) | 1u << static_cast<int>(Aov::kMaterial);
   return view;
 }

@@ -13,6 +13,7 @@ Result<ProbedFrame> ProbeFrame(Renderer& renderer, const View& view, std::stop_t
   std::vector<Tile> tiles;
   for (const PixelRect& pixels : TilesOf(view)) tiles.push_back({pixels, step});
   View sparse = view;
+  sparse.edges = false;
   sparse.spp = 1;
   sparse.aov_mask = 0;
   ProbedFrame frame(tiles.size());

@@ -18,8 +18,9 @@ void RayDispatcher::RemoveWorker(uint32_t id) {
   leases_.Forget(id);
 }
 
-uint32_t RayDispatcher::Ask(const RayQuery& ray, OnHit on_hit) {
-  rays_.emplace(next_ray_, Asked{ray, std::move(on_hit)});
+uint32_t RayDispatcher::Ask(const RayQuery& ray, const View& view, OnHit on_hit) {
+  RayOrder order{.ray = next_ray_, .query = ray, .parts = view.parts, .section = view.section};
+  rays_.emplace(next_ray_, Asked{std::move(order), std::move(on_hit)});
   return next_ray_++;
 }
 
@@ -35,7 +36,10 @@ void RayDispatcher::Give(uint32_t ray, double now_s) {
   std::optional<uint32_t> to;
   for (const uint32_t worker : workers_)
     if (!leases_.Holds(worker, ray) && (!to || held[worker] < held[*to])) to = worker;
-  if (to) send_(*to, {ray, leases_.Give(ray, *to, now_s), rays_.at(ray).query});
+  if (!to) return;
+  RayOrder& order = rays_.at(ray).order;
+  order.lease = leases_.Give(ray, *to, now_s);
+  send_(*to, order);
 }
 
 void RayDispatcher::Assign(double now_s) {

@@ -25,9 +25,10 @@ class RayDispatcher {
   /// A worker that is not here is ignored.
   void RemoveWorker(uint32_t id);
 
-  /// Asks for a ray's nearest hit. Without a worker the ray waits for one. `on_hit` is called once, within
-  /// Finish(), unless Forget() comes before. Returns the ray's number. Requires: CheckRay().
-  uint32_t Ask(const RayQuery& ray, OnHit on_hit);
+  /// Asks for a ray's nearest hit among the view's parts, within its section. Without a worker the ray waits
+  /// for one. `on_hit` is called once, within Finish(), unless Forget() comes before. Returns the ray's
+  /// number. Requires: CheckRay().
+  uint32_t Ask(const RayQuery& ray, const View& view, OnHit on_hit);
   /// Gives a ray up. One that is not here is ignored.
   void Forget(uint32_t ray);
 
@@ -38,7 +39,7 @@ class RayDispatcher {
 
  private:
   struct Asked {
-    RayQuery query;
+    RayOrder order;  ///< but for the lease
     OnHit on_hit;
   };
   void Give(uint32_t ray, double now_s);

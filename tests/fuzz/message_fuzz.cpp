@@ -43,7 +43,7 @@ void ReadCatalog(std::span<const std::byte> bytes) {
   if (sections) (void)DecodeCatalog(SceneId{}, *sections);
 }
 
-constexpr int kKinds = 19;
+constexpr int kKinds = 20;
 
 void ReadAs(int kind, std::span<const std::byte> bytes) {
   switch (kind) {
@@ -83,6 +83,8 @@ void ReadAs(int kind, std::span<const std::byte> bytes) {
       return Read(bytes, DecodeRayOrder);
     case 18:
       return Read(bytes, DecodeRayDone);
+    case 19:
+      return Read(bytes, DecodeSelection);
     default:
       return ReadCatalog(bytes);
   }
@@ -93,8 +95,21 @@ RenderJob SmallJob() {
   job.view.width = job.view.height = 64;
   job.view.crop = {0, 0, 64, 64};
   job.view.lights.push_back({LightKind::kPoint, {1, 2, 3}, {4, 5, 6}});
+  job.view.parts.lists = std::make_shared<const PartLists>(
+      PartLists{{"a/b"}, std::vector<std::string>{"a"}, {{{"a/c"}, glm::vec3(1, 0, 0)}}});
+  job.view.section = {true, {0, 0, 0}, {1, 1, 1}, {{{0, 0, 0}, {0, 0, 1}}}, true};
   job.cameras.push_back({{0, 0, 5}, {0, 0, 0}, {0, 1, 0}});
   return job;
+}
+
+PartSelection SmallSelection() {
+  return {.id = 1,
+          .hidden = {5},
+          .voxels = {{}, {}},
+          .closed = {1},
+          .inverted = {0},
+          .colors = {{1, 0, 0}},
+          .color_of = {1, 0}};
 }
 
 void WriteSeeds(const std::string& folder) {
@@ -120,7 +135,8 @@ void WriteSeeds(const std::string& folder) {
                                     Encode(FramesEnd{{5, 6}}),
                                     Encode(Leave{{5}, {2}, true}),
                                     Encode(RayOrder{3, 1, {{1, 2, 3}, {0, 0, -1}, 100}}),
-                                    Encode(RayDone{3, 1, 2.5f, 7, 1, 6})};
+                                    Encode(RayDone{3, 1, 2.5f, 7, 1, 6}),
+                                    Encode(SmallSelection())};
   const auto write = [&](const std::string& name, size_t kind, const Bytes& bytes) {
     std::ofstream file(folder + "/" + name, std::ios::binary);
     file.put(static_cast<char>(kind));

@@ -1,6 +1,6 @@
 // Rays go on after each hit to the next one in the order of (t, id), by every kernel: all hits of a ray, as
 // brute force sorts them. Any-hit rays pass see-through triangles and note that they have met some. Holes
-// that opacity masks know are no hits.
+// that opacity masks know are no hits, nor are the triangles of hidden parts.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -194,9 +194,10 @@ void PeelAll(const LoadedScene& scene, uint32_t packets, const std::string& name
   CHECK(rays.hits > rays.rays.size() / 3);
 }
 
-/// Writes triangles to an OBJ file. Of each `period` triangles the first `clear` are glass.
+/// Writes triangles to an OBJ file. Of each `period` triangles the first `clear` are glass. Triangles go by
+/// turns to `parts` groups.
 void WriteGlassSoup(const TemporaryFolder& folder, const std::string& path,
-                    const std::vector<glm::vec3>& corners, size_t clear, size_t period) {
+                    const std::vector<glm::vec3>& corners, size_t clear, size_t period, size_t parts = 1) {
   std::ofstream(folder.file("glass.mtl")) << "newmtl glass\nKd 0 0 0\nTf 0.5 0.6 0.7\nNi 1.5\nillum 6\n"
                                              "newmtl wall\nKd 0.5 0.5 0.5\n";
   std::ofstream out(path);
@@ -204,8 +205,8 @@ void WriteGlassSoup(const TemporaryFolder& folder, const std::string& path,
   out << "mtllib glass.mtl\n";
   for (const glm::vec3& p : corners) out << "v " << p.x << ' ' << p.y << ' ' << p.z << '\n';
   for (size_t i = 0; i + 3 <= corners.size(); i += 3)
-    out << "usemtl " << (i / 3 % period < clear ? "glass" : "wall") << "\nf " << i + 1 << ' ' << i + 2 << ' '
-        << i + 3 << '\n';
+    out << "g part" << i / 3 % parts << "\nusemtl " << (i / 3 % period < clear ? "glass" : "wall") << "\nf "
+        << i + 1 << ' ' << i + 2 << ' ' << i + 3 << '\n';
 }
 
 /// Squares on a lattice with distances of `step`: coplanar neighbours, vertices on every likely split plane.
@@ -383,6 +384,24 @@ TEST_CASE("Rays pass the holes of opacity masks, and end at opaque parts", "[ref
   };
   compare("squares", Doubled(Squares(random, 250, 0.1f)), 1, 6);
   compare("fan", Fan(random, 200), 1, 10);
+}
+
+TEST_CASE("Triangles of hidden parts are no candidates to any ray", "[reference][going_on][parts]") {
+  const TemporaryFolder folder;
+  std::mt19937 random(13);
+  const IsHidden is_hidden = [](uint32_t part) { return part % 3 == 1; };
+  const MaskOf mask_of = [](uint32_t id) { return id % 5 == 0 ? 0u : kOpaqueMask; };
+  const auto compare = [&](const std::string& name, const std::vector<glm::vec3>& corners,
+                           const MaskOf& masks) {
+    const std::string path = folder.file(name + ".obj");
+    WriteGlassSoup(folder, path, corners, 5, 6, 7);
+    const LoadedScene scene(path, 4096, masks, is_hidden);
+    PeelAll(scene, 24, name);
+    CompareShadows(scene, 24, name);
+  };
+  compare("hidden squares", Doubled(Squares(random, 250, 0.1f)), {});
+  compare("hidden fan", Fan(random, 300), {});
+  compare("hidden squares with holes", Squares(random, 400, 1), mask_of);
 }
 
 TEST_CASE("Packets skip no cell that only one of their rays grazes", "[reference][going_on]") {

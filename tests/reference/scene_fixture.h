@@ -36,10 +36,15 @@ struct StoredTriangle {
 /// The opacity mask of the triangle with an id.
 using MaskOf = std::function<uint32_t(uint32_t id)>;
 
-/// A model preprocessed into voxels, all of them decoded. With `mask_of`, triangles have opacity masks.
+/// Whether a part is hidden.
+using IsHidden = std::function<bool(uint32_t part)>;
+
+/// A model preprocessed into voxels, all of them decoded. With `mask_of`, triangles have opacity masks. Parts
+/// may be hidden: brute force sees their triangles as holes.
 class LoadedScene {
  public:
-  LoadedScene(const std::string& model, uint32_t voxel_size, const MaskOf& mask_of = {}) {
+  LoadedScene(const std::string& model, uint32_t voxel_size, const MaskOf& mask_of = {},
+              const IsHidden& is_hidden = {}) {
     const std::string store = folder_.file("scene.quarry");
     MakeStore({.models = {model}, .output = store, .threads = 2, .voxel_size = voxel_size});
     auto scene = ResidentScene::Load(store);
@@ -47,6 +52,7 @@ class LoadedScene {
     REQUIRE(scene.has_value());
     scene_ = std::move(*scene);
     if (mask_of) scene_->SetMasks(mask_of);
+    if (is_hidden) scene_->Hide(is_hidden);
     ListTriangles(mask_of);
   }
 
@@ -80,7 +86,9 @@ class LoadedScene {
         triangles_.push_back({{view.vertex(t, 0), view.vertex(t, 1), view.vertex(t, 2)},
                               global,
                               LetsLightThrough(catalog().materials[view.materials[t]]),
-                              mask_of ? mask_of(global) : kOpaqueMask});
+                              view.hidden && view.is_hidden(t) ? kTransparentMask
+                              : mask_of                        ? mask_of(global)
+                                                               : kOpaqueMask});
       }
     }
     for (uint32_t v = 0; v < catalog().voxels.size(); ++v)

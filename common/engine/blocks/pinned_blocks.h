@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/engine/blocks/voxel_cache.h"
+#include "common/scene/part_selection.h"
 
 namespace quarry {
 
@@ -56,6 +57,16 @@ class PinnedBlocks {
             },
             this};
   }
+  /// The same for a view that hides parts: voxels that hold some of them come with their bits. The geometries
+  /// are copies, which stay until Release(), or until another selection is given.
+  /// Requires: the selection hides parts, fits the scene, and outlives the finder.
+  VoxelFinder finder(const PartSelection& selection) {
+    if (selection_ != selection.id) shown_.clear();
+    selection_ = selection.id;
+    hidden_ = &selection;
+    return {[](void* pins, uint32_t voxel) { return static_cast<PinnedBlocks*>(pins)->FindShown(voxel); },
+            this};
+  }
   /// Takes over the pin of a delivered block (see Mailbox).
   void Adopt(BlockKey block) {
     if (!pinned_.emplace(block, cache_.Pinned(block)).second) cache_.Unpin(block);
@@ -64,6 +75,7 @@ class PinnedBlocks {
   void Release() {
     for (const auto& [block, resident] : pinned_) cache_.Unpin(block);
     pinned_.clear();
+    shown_.clear();
     ForgetRecent();
   }
 
@@ -83,8 +95,24 @@ class PinnedBlocks {
     for (Recent& recent : recent_) recent = {};
   }
 
+  const VoxelGeometry* FindShown(uint32_t voxel) {
+    const ResidentBlock* block = Find(BlockKey::Hot(voxel));
+    if (!block) return nullptr;
+    if (hidden_->voxels[voxel] == PartSelection::Shown::kAll) return &block->hot;
+    const auto [shown, is_new] = shown_.try_emplace(voxel);
+    if (is_new) {
+      shown->second = block->hot;
+      shown->second.hidden = hidden_->hidden.data();
+      shown->second.hidden_words = static_cast<uint32_t>(hidden_->hidden.size());
+    }
+    return &shown->second;
+  }
+
   VoxelCache& cache_;
   std::unordered_map<BlockKey, const ResidentBlock*> pinned_;
+  std::unordered_map<uint32_t, VoxelGeometry> shown_;  ///< by voxel, of `selection_`; nodes stay in place
+  uint64_t selection_ = 0;
+  const PartSelection* hidden_ = nullptr;
   Recent recent_[kRecent];
   std::vector<BlockKey>* touched_ = nullptr;
   uint64_t reader_ = 0;  ///< above a key's bits

@@ -22,6 +22,7 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
   sums_.assign(kColorWords * pixels, {});
   aovs_.assign((view.words - kColorWords) * pixels, 0);
   hits_ = {};
+  edges_.Open(tile, view.view.edges && !tile.leaves_holes);
   holes_.assign(tile.leaves_holes ? pixels : 0, false);
 }
 
@@ -31,6 +32,7 @@ void TileFilm::OpenHits(size_t count) {
   sums_.clear();
   aovs_.clear();
   holes_.clear();
+  edges_.Open({}, false);
   hits_.assign(count, {});
 }
 
@@ -48,7 +50,8 @@ void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& 
   put(Aov::kPrimitive, is_hit ? hit.triangle : kNone);
   put(Aov::kMaterial, is_hit ? surface.material : kNone);
   put(Aov::kPart, is_hit ? surface.part : kNone);
-  put(Aov::kVoxel, is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.top, ray, hit.t) : kNone);
+  put(Aov::kVoxel,
+      is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.catalog.top_tree(), ray, hit.t) : kNone);
   put(Aov::kAlbedo, albedo.x, albedo.y, albedo.z);
 }
 

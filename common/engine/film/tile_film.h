@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/base/bytes.h"
+#include "common/engine/film/edge_map.h"
 #include "common/engine/surfaces/surface.h"
 #include "common/engine/view_context.h"
 #include "common/kdtree/ray.h"
@@ -50,6 +51,8 @@ class TileFilm {
   /// `surface`, `albedo`: of the hit, if there is one.
   void SetLayers(const ViewContext& view, uint32_t pixel, const Ray& ray, const Hit& hit, float t_offset,
                  const Surface& surface, const glm::vec3& albedo);
+  /// The lines of the tile.
+  EdgeMap& edges() { return edges_; }
   /// Notes that a point's ray has not ended. Requires: the tile leaves holes.
   void LeaveHole(uint32_t pixel) { holes_[pixel] = true; }
   /// Requires: a list of rays; `pixel` is the ray's number.
@@ -59,7 +62,7 @@ class TileFilm {
   void Take(const ViewContext& view, RenderedTile& result);
   size_t memory_bytes() const {
     return depths_.size() * sizeof(float) + sums_.size() * sizeof(FixedRadiance) + aovs_.size() * 4 +
-           hits_.size() * sizeof(Hit);
+           hits_.size() * sizeof(Hit) + edges_.memory_bytes();
   }
 
  private:
@@ -72,7 +75,8 @@ class TileFilm {
   std::vector<FixedRadiance> sums_;  ///< kColorWords per pixel
   std::vector<uint32_t> aovs_;       ///< words - kColorWords per pixel
   std::vector<Hit> hits_;            ///< one per ray of a list
-  std::vector<bool> holes_;          ///< by pixel; empty if the tile leaves none
+  EdgeMap edges_;
+  std::vector<bool> holes_;  ///< by pixel; empty if the tile leaves none
 };
 
 }  // namespace quarry

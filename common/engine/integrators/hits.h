@@ -7,14 +7,14 @@ namespace quarry {
 /// No picture: the nearest hit of each ray.
 class NearestHits final : public Integrator {
  public:
-  Needs needs() const override { return {.surfaces = false}; }
+  Needs needs() const override { return {.surfaces = false, .pixels = false}; }
   void Shade(PacketWork& work, uint64_t lanes) const override;
 };
 
 /// No picture: some hit of each ray, if it has one: its `t` and its triangle. Glass counts as opaque.
 class AnyHits final : public LightRays {
  public:
-  Needs needs() const override { return {.surfaces = false, .any_hit = true}; }
+  Needs needs() const override { return {.surfaces = false, .pixels = false, .any_hit = true}; }
   void Shade(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
   void SendLightRays(PacketWork& work, uint64_t lanes) const override;
 

@@ -15,8 +15,10 @@ class Integrator {
   virtual ~Integrator() = default;
 
   struct Needs {
-    /// Whether surfaces of hits are made and pixels written; else a hit alone is enough.
+    /// Whether surfaces of hits are made; else a hit alone is enough.
     bool surfaces = true;
+    /// Whether samples belong to pixels, and have light. Requires: false without surfaces.
+    bool pixels = true;
     /// Whether the first ray of a sample may end at any hit.
     bool any_hit = false;
     TextureUses uses = 0;       ///< uses of textures that its shading needs

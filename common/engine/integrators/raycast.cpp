@@ -31,7 +31,7 @@ void Raycast::Shade(PacketWork& work, uint64_t lanes) const {
 void VoxelColors::Shade(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {
-    const uint32_t voxel = LocateVoxel(work.view.top, work.rays.RayOf(i), work.rays.hit_t[i]);
+    const uint32_t voxel = LocateVoxel(work.view.catalog.top_tree(), work.rays.RayOf(i), work.rays.hit_t[i]);
     const auto lane = static_cast<int>(i);
     work.film.Add(s.pixel[i], s.weight[lane] * (VoxelColor(voxel) * (0.3f + 0.7f * Facing(s.surface[lane]))));
   });

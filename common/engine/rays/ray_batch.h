@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/engine/blocks/pinned_blocks.h"
 #include "common/engine/blocks/sweep.h"
 #include "common/engine/rays/lanes.h"
 #include "common/kdtree/kernels.h"
@@ -32,6 +31,8 @@ class RayBatch {
     packets_.resize(packets);
     rays_ = suspended_ = 0;
   }
+  /// Changes the number of packets, none of whose rays is under way.
+  void Resize(uint32_t packets) { packets_.resize(packets); }
   uint32_t size() const { return static_cast<uint32_t>(packets_.size()); }
   RayPacket& operator[](uint32_t packet) { return packets_[packet]; }
 
@@ -56,9 +57,9 @@ class RayBatch {
   /// Traces the rays that SetTraced() has named. Parks the rays that wait for a block. Makes the others ready
   /// and calls ended(packet, lanes, whether to any hit) for them.
   template <class Ended>
-  void Trace(const TopTree& top, PinnedBlocks& pins, Ended&& ended) {
-    TraceAll(top, pins, nearest_, false, ended);
-    TraceAll(top, pins, any_, true, ended);
+  void Trace(const TopTree& top, const VoxelFinder& finder, Ended&& ended) {
+    TraceAll(top, finder, nearest_, false, ended);
+    TraceAll(top, finder, any_, true, ended);
   }
 
   void Park(uint32_t packet, uint32_t lane, BlockKey block);
@@ -78,8 +79,9 @@ class RayBatch {
 
  private:
   template <class Ended>
-  void TraceAll(const TopTree& top, PinnedBlocks& pins, const uint64_t* active, bool any, Ended& ended) {
-    TraceRays(top, pins.finder(), packets_.data(), active, size(), any);
+  void TraceAll(const TopTree& top, const VoxelFinder& finder, const uint64_t* active, bool any,
+                Ended& ended) {
+    TraceRays(top, finder, packets_.data(), active, size(), any);
     for (uint32_t p = 0; p < size(); ++p) {
       if (active[p] == 0) continue;
       const uint64_t waiting = active[p] & ~LanesWith(kNoVoxel, packets_[p].waits_for);

@@ -12,6 +12,13 @@ namespace quarry {
 /// are complete.
 template <class Body>
 void ForEachProperties(const PacketWork& work, uint64_t lanes, Body&& body) {
+  // A coloured part is plain and matt; the surface has the colour.
+  if (const uint64_t colored = lanes & work.samples.colored) {
+    Material plain;
+    plain.diffuse = plain.base_color = glm::vec3(1);
+    body(SurfaceProperties(plain), colored);
+    lanes &= ~colored;
+  }
   const SceneSurfaces& scene = *work.view.surfaces;
   const auto& materials = work.view.catalog.materials;
   const uint64_t looked_up = lanes & work.looked_up();

@@ -82,6 +82,16 @@ void ResidentScene::SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of
   }
 }
 
+void ResidentScene::Hide(const std::function<bool(uint32_t part)>& is_hidden) {
+  hidden_.assign((store_->part_count() + 63) / 64, 0);
+  for (uint32_t part = 0; part < store_->part_count(); ++part)
+    if (is_hidden(part)) hidden_[part / 64] |= uint64_t{1} << part % 64;
+  for (VoxelGeometry& voxel : views_[0]->voxels_) {
+    voxel.hidden = hidden_.data();
+    voxel.hidden_words = static_cast<uint32_t>(hidden_.size());
+  }
+}
+
 const SceneView& ResidentScene::view(TreeLayout layout) {
   std::unique_ptr<SceneView>& made = views_[static_cast<size_t>(layout)];
   if (made) return *made;

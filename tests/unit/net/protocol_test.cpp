@@ -148,6 +148,51 @@ TEST_CASE("Messages are decoded to the same fields") {
   CHECK(DecodeBlockRequest(Encode(BlockRequest{123}))->block == 123);
 }
 
+TEST_CASE("Selections, lists of parts and sections are decoded to the same fields") {
+  PartSelection selection{.hidden = {5, 1ull << 63},
+                          .voxels = {PartSelection::Shown::kAll, PartSelection::Shown::kNone},
+                          .closed = {7, 8},
+                          .inverted = {1, 0},
+                          .colors = {{0.5f, 0, 1}},
+                          .color_of = {0, 1, 0}};
+  selection.id = IdOf(selection);
+  const auto back = DecodeSelection(Encode(selection));
+  REQUIRE(back.has_value());
+  CHECK((back->id == selection.id && IdOf(*back) == back->id && back->voxels == selection.voxels));
+  PartSelection bad = selection;
+  bad.id = 0;
+  CHECK_FALSE(DecodeSelection(Encode(bad)).has_value());
+  bad = selection;
+  bad.voxels = {static_cast<PartSelection::Shown>(3)};
+  CHECK_FALSE(DecodeSelection(Encode(bad)).has_value());
+
+  RenderJob job = MakeJob();
+  auto lists = std::make_shared<PartLists>();
+  lists->hide = {"a/b", "c*"};
+  lists->only = {"a"};
+  lists->colors = {{{"a/d"}, glm::vec3(1, 0, 0)}, {{"e", "f"}, std::nullopt}};
+  job.view.parts.lists = lists;
+  job.view.section = {true, {1, 2, 3}, {4, 6, 8}, {{{1, 1, 1}, {0, 0, 1}}}, false};
+  const auto read = DecodeJobRequest(Encode(JobRequest{job, 0}));
+  REQUIRE(read.has_value());
+  REQUIRE(read->job.view.parts.lists);
+  CHECK(*read->job.view.parts.lists == *lists);
+  CHECK(read->job.view.section == job.view.section);
+  CHECK(Encode(JobRequest{read->job, 0}) == Encode(JobRequest{job, 0}));
+  lists->only->clear();
+  CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
+  job = MakeJob();
+  job.view.section.planes.assign(kMaxSectionPlanes + 1, {{0, 0, 0}, {0, 0, 1}});
+  CHECK_FALSE(DecodeJobRequest(Encode(JobRequest{job, 0})).has_value());
+
+  View view = FrameView(MakeJob());
+  view.parts.selection = std::make_shared<const PartSelection>(selection);
+  CHECK(DecodeFrameSetup(Encode(FrameSetup{1, view, 0}))->selection == selection.id);
+  const auto ray = DecodeRayOrder(
+      Encode(RayOrder{.query = {{1, 2, 3}, {0, 1, 0}, 7}, .parts = view.parts, .section = view.section}));
+  CHECK((ray->selection == selection.id && ray->section == view.section));
+}
+
 TEST_CASE("Invalid values are refused") {
   TileOrder order{1, 2, 3, {{4, 5, 6, 7}}};
   order.area.form = static_cast<PixelForm>(3);
@@ -190,9 +235,13 @@ TEST_CASE("A job is the same however many programs it has passed through") {
 
 TEST_CASE("Mutated messages are refused or read, never worse") {
   std::mt19937 random(11);
-  const Bytes good[] = {Encode(JobRequest{MakeJob(), 0}), Encode(Hello{Role::kWorker, "w", 2}),
-                        Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}), Encode(FrameDone{6, "{}"}),
-                        Encode(RayOrder{1, 2, {}})};
+  const Bytes good[] = {
+      Encode(JobRequest{MakeJob(), 0}),
+      Encode(Hello{Role::kWorker, "w", 2}),
+      Encode(TileOrder{1, 2, 3, {{4, 5, 6, 7}}}),
+      Encode(FrameDone{6, "{}"}),
+      Encode(RayOrder{1, 2, {}}),
+      Encode(PartSelection{.id = 1, .hidden = {5}, .voxels = {{}, {}}, .color_of = {1, 2}})};
   for (int i = 0; i < 40000; ++i) {
     Bytes bad = good[static_cast<size_t>(i) % std::size(good)];
     for (int k = 0; k < 1 + i % 4; ++k) bad[random() % bad.size()] = static_cast<std::byte>(random());
@@ -203,6 +252,7 @@ TEST_CASE("Mutated messages are refused or read, never worse") {
     (void)DecodeTileOrder(bad);
     (void)DecodeFrameDone(bad);
     (void)DecodeRayOrder(bad);
+    (void)DecodeSelection(bad);
     (void)UnpackSections(bad);
   }
 }

@@ -104,6 +104,44 @@ TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf("[]"), Contains("v.json: must be an object"));
 }
 
+TEST_CASE("A view's parts and section are restored from JSON", "[view][parts]") {
+  const glm::dvec3 offset(1000, -2000, 8);
+  View view = AnyView();
+  auto lists = std::make_shared<PartLists>();
+  lists->hide = {"a/b", "c*"};
+  lists->only = {"a"};
+  lists->colors = {{{"a/d"}, glm::vec3(0.25f, 0.5f, 1)}, {{"a/d/e", "f"}, std::nullopt}};
+  view.parts.lists = lists;
+  view.section = {true, {1, 2, 3}, {4, 6, 8}, {{{1, 1, 1}, {0, -1, 0}}, {{2, 2, 2}, {0.6, 0, 0.8}}}, false};
+  const std::string text = ViewToJson(view, std::nullopt, offset).dump();
+  ViewDescription back;
+  REQUIRE(Read(text, back, offset).has_value());
+  REQUIRE(back.view.parts.lists);
+  CHECK(*back.view.parts.lists == *lists);
+  CHECK(back.view.section == view.section);
+  CHECK(ViewToJson(back.view, std::nullopt, offset).dump() == text);
+  CHECK_FALSE(ViewToJson(AnyView(), std::nullopt, offset).contains("section"));
+}
+
+TEST_CASE("Parts and sections that cannot be are refused in one sentence", "[view][parts]") {
+  CHECK_THAT(ErrorOf(R"({"only": []})"), Contains("v.json: only: is empty: nothing would be shown"));
+  CHECK_THAT(ErrorOf(R"({"hide": [""]})"), Contains("v.json: hide[0]: is an empty path"));
+  CHECK_THAT(ErrorOf(R"({"hide": "a"})"), Contains("v.json: hide: "));
+  CHECK_THAT(ErrorOf(R"({"colors": [{"parts": ["a"]}]})"), Contains("colors[0]: 'color' is missing"));
+  CHECK_THAT(ErrorOf(R"({"colors": [{"parts": ["a"], "color": [2,0,0]}]})"), Contains("colors[0].color: "));
+  CHECK_THAT(ErrorOf(R"({"section": {"box": [[0,0,0]]}})"), Contains("section.box: must be two corners"));
+  CHECK_THAT(ErrorOf(R"({"section": {"box": [[0,0,0],[1,0,1]]}})"),
+             Contains("section: the section's box is empty: its lower y is not below its upper y"));
+  CHECK_THAT(ErrorOf(R"({"section": {"planes": [{"point": [0,0,0], "normal": [0,0,0]}]}})"),
+             Contains("plane 1 of the section has no direction"));
+  std::string planes;
+  for (int i = 0; i < 13; ++i)
+    planes += std::string(i ? "," : "") + R"({"point": [0,0,0], "normal": [0,0,1]})";
+  CHECK_THAT(ErrorOf(R"({"section": {"planes": [)" + planes + "]}}"),
+             Contains("section.planes: has 13 planes, and at most 12 are possible"));
+  CHECK_THAT(ErrorOf(R"({"section": {"caps": 1}})"), Contains("section.caps: "));
+}
+
 TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   SceneViews views;
   views.cameras = {{"door", {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}}};

@@ -15,7 +15,7 @@ struct Rays {
     dispatcher.AddWorker(2);
   }
   uint32_t Ask() {
-    return dispatcher.Ask({}, [this](const RayDone& hit) { hits.push_back(hit.triangle); });
+    return dispatcher.Ask({}, {}, [this](const RayDone& hit) { hits.push_back(hit.triangle); });
   }
   static RayDone HitOf(const RayOrder& order, uint32_t triangle) {
     return {order.ray, order.lease, 1, triangle, 0, 0};
