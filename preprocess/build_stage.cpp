@@ -215,6 +215,7 @@ Status BuildStage::Restore() {
       stored_.bytes = std::max(stored_.bytes, page.offset + page.stored);
   saved_regions_ = subtrees_.size();
   saved_voxels_ = static_cast<uint32_t>(stored_.directory.size());
+  saved_part_bytes_ = stored_.parts.bytes.size();
   return {};
 }
 
@@ -245,6 +246,8 @@ Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
       subtree.nodes = in.GetArray<KdNode>(in.Get<uint32_t>());
       for (const VoxelEntry& v : in.GetArray<VoxelEntry>(subtree.voxels)) stored_.directory.push_back(v);
       for (const uint64_t v : in.GetArray<uint64_t>(2 * subtree.voxels)) stored_.logical.push_back(v);
+      for (const uint32_t v : in.GetArray<uint32_t>(subtree.voxels)) stored_.parts.sizes.push_back(v);
+      for (const std::byte v : in.GetArray<std::byte>(in.Get<uint64_t>())) stored_.parts.bytes.push_back(v);
       subtrees_.push_back(std::move(subtree));
       dropped_.push_back(in.Get<uint64_t>());
       stored_.masks |= in.Get<uint8_t>() != 0;
@@ -352,6 +355,12 @@ Status BuildStage::SaveBuilt(bool now) {
     checkpoint.PutArray(subtree.nodes);
     checkpoint.PutArray(std::span(writer_->directory()).subspan(saved_voxels_, subtree.voxels));
     checkpoint.PutArray(std::span(writer_->logical()).subspan(2 * saved_voxels_, 2 * subtree.voxels));
+    const std::span sizes = std::span(writer_->parts().sizes).subspan(saved_voxels_, subtree.voxels);
+    const uint64_t bytes = std::accumulate(sizes.begin(), sizes.end(), uint64_t{0});
+    checkpoint.PutArray(sizes);
+    checkpoint.Put(bytes);
+    checkpoint.PutArray(std::span(writer_->parts().bytes).subspan(saved_part_bytes_, bytes));
+    saved_part_bytes_ += bytes;
     checkpoint.Put(dropped_[saved_regions_]);
     checkpoint.Put<uint8_t>(writer_->has_masks());  // later regions are built again, with their masks
     QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));

@@ -74,6 +74,7 @@ class BuildStage {
   uint64_t emitted_ = 0;              ///< triangles in voxels, copies counted
   size_t saved_regions_ = 0;          ///< regions whose voxels the journal has
   uint32_t saved_voxels_ = 0;
+  uint64_t saved_part_bytes_ = 0;  ///< of VoxelPartLists
   Clock::time_point saved_at_;
 };
 

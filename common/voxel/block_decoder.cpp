@@ -7,9 +7,9 @@
 
 #include "common/kdtree/opacity_mask.h"
 #include "common/math/packed_normal.h"
-#include "common/voxel/byte_planes.h"
-#include "common/voxel/tree_completion.h"
-#include "common/voxel/tree_streams.h"
+#include "common/voxel/streams/byte_planes.h"
+#include "common/voxel/streams/tree_completion.h"
+#include "common/voxel/streams/tree_streams.h"
 
 namespace quarry {
 namespace {

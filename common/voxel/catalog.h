@@ -39,6 +39,8 @@ enum class SectionType : uint32_t {
   kMaterialTextures = 0x5845544D,  // "MTEX"
   kCameras = 0x534D4143,           // "CAMS"
   kLights = 0x4554494C,            // "LITE"
+  kPartTree = 0x45525450,          // "PTRE"
+  kVoxelParts = 0x54525056,        // "VPRT"
   kModels = 0x534C444D,            // "MDLS"
 };
 

@@ -7,6 +7,7 @@
 
 #include "common/base/file.h"
 #include "common/voxel/store_header.h"
+#include "common/voxel/store_verifier.h"
 #include "common/voxel/texture_page.h"
 #include "common/voxel/view_sections.h"
 
@@ -35,6 +36,8 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kStrings, false, 4 * kGiB},
     {SectionType::kCameras, false, 1 << 20},
     {SectionType::kLights, false, 1 << 20},
+    {SectionType::kPartTree, false, kGiB / 4 / sizeof(uint32_t) * kScenePartBytes},
+    {SectionType::kVoxelParts, false, 4 * kGiB},
     {SectionType::kModels, false, sizeof(uint32_t) + kMostModelNames*(kMostModelNameBytes + 1)},
     {SectionType::kBlocks, false, kUnlimited},
     {SectionType::kProxies, false, kUnlimited},
@@ -87,13 +90,6 @@ Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& ent
   return models;
 }
 
-/// Checks that the directory's box of a voxel is the box of its triangles.
-Status CheckBounds(const VoxelGeometry& geometry, const VoxelEntry& entry) {
-  const Box box = BoundsOf({geometry.vertices, geometry.vertex_count});
-  if (box.lower == entry.bounds_lower && box.upper == entry.bounds_upper) return {};
-  return Fail("its triangles lie elsewhere than the VDIR section states");
-}
-
 }  // namespace
 
 Result<StoreReader> StoreReader::Open(const std::string& path) {
@@ -136,13 +132,14 @@ Result<Bytes> StoreReader::ReadBytes(const SectionEntry& entry) const {
 
 /// Checks a section that does not stay in memory.
 Status StoreReader::CheckBytes(const SectionEntry& entry) const {
+  const bool entries = entry.type == SectionType::kParts || entry.type == SectionType::kPartTree ||
+                       entry.type == SectionType::kVoxelParts;
   RunningChecksum checksum;
   Bytes piece;
   for (uint64_t at = 0; at < entry.size; at += piece.size()) {
     piece.resize(std::min(kPieceBytes, entry.size - at));
     QUARRY_TRY(file_->ReadAt(entry.offset + at, piece));
-    if (entry.type == SectionType::kParts && IsHole(piece))
-      return Damaged(path(), entry, "zeros where entries should be");
+    if (entries && IsHole(piece)) return Damaged(path(), entry, "zeros where entries should be");
     checksum.Add(piece);
   }
   if (checksum.value() != entry.checksum) return Damaged(path(), entry, "checksum");
@@ -204,10 +201,19 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
   QUARRY_ASSIGN(const std::vector<SectionEntry> entries, ReadTable(table, count));
   std::vector<Section> views;
   StoreNames::Place parts, strings;
+  PartSections::Places of_parts;
   for (const SectionEntry& e : entries) {
     QUARRY_TRY(ReadSection(e, views));
     if (e.type == SectionType::kParts) parts = {e.offset, e.size};
     if (e.type == SectionType::kStrings) strings = {e.offset, e.size};
+    if (e.type == SectionType::kPartTree) {
+      of_parts.tree = {e.offset, e.size};
+      of_parts.has_tree = true;
+    }
+    if (e.type == SectionType::kVoxelParts) {
+      of_parts.lists = {e.offset, e.size};
+      of_parts.has_lists = true;
+    }
     if (e.type == SectionType::kBlocks) {
       blocks_begin_ = e.offset;
       blocks_end_ = e.offset + e.size;
@@ -217,6 +223,7 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
     }
   }
   names_ = std::make_unique<StoreNames>(*file_, parts, strings);
+  part_sections_ = std::make_unique<PartSections>(*file_, *names_, of_parts);
   auto catalog = DecodeCatalog(id_, catalog_sections_, {pages_begin_, pages_end_});
   if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
@@ -270,6 +277,16 @@ Result<std::string> StoreReader::TextureName(uint32_t texture) const {
   return NameIn(SectionType::kTextureDirectory, sizeof(uint32_t) + kTextureBytes * texture);
 }
 
+Status StoreReader::ForEachVoxelParts(
+    const std::function<void(uint32_t voxel, std::span<const uint32_t> parts)>& each) const {
+  PartListReader lists = part_sections_->Lists();
+  for (uint32_t voxel = 0; voxel < catalog_.voxels.size(); ++voxel) {
+    QUARRY_ASSIGN(const std::span<const uint32_t> parts, lists.Next(catalog_.voxels[voxel].triangles));
+    each(voxel, parts);
+  }
+  return lists.CheckEnd();
+}
+
 Result<Bytes> StoreReader::ReadBlock(BlockKey block) const {
   if (!catalog_.Has(block))
     return FailForGood(fmt::format("{}: there is no block {}", path(), catalog_.NumberOf(block)));
@@ -304,55 +321,20 @@ Result<Bytes> StoreReader::ReadPage(uint32_t texture, uint32_t page) const {
   return texels;
 }
 
-Status StoreReader::VerifyTexture(uint32_t texture) const {
-  for (uint32_t p = 0; p < textures()[texture].pages.size(); ++p)
-    QUARRY_TRY(ReadPage(texture, p).map([](auto&&) {}));
-  return {};
-}
-
-/// Checks that the pages fill their section without gaps. Pages lie in the order in which they were
-/// completed.
-Status StoreReader::CheckPagesFill() const {
-  std::vector<std::pair<uint64_t, uint64_t>> places;
-  for (const Texture& t : textures())
-    for (const BlockEntry& page : t.pages) places.emplace_back(page.offset, page.offset + page.stored);
-  std::ranges::sort(places);
-  uint64_t end = pages_begin_;
-  for (const auto& [first, last] : places) {
-    if (first != end)
-      return Fail(fmt::format("{}: the page at byte {} is not where it should be", path(), first));
-    end = last;
+Status StoreReader::Verify(const std::function<void(uint64_t done, uint64_t total)>& progress) const {
+  StoreVerifier verifier(*this);
+  QUARRY_TRY(verifier.CheckPartTree());
+  const uint64_t voxels = catalog_.voxels.size(), all = voxels + textures().size();
+  for (uint32_t v = 0; v < voxels; ++v) {
+    QUARRY_TRY(verifier.CheckVoxel(v));
+    progress(v + 1, all);
   }
-  if (end == pages_end_) return {};
-  return Fail(fmt::format("{}: the pages end at byte {}, their section at {}", path(), end, pages_end_));
-}
-
-Status StoreReader::VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const {
-  for (BlockKind kind : {BlockKind::kHot, BlockKind::kShading}) {
-    const BlockKey id(kind, voxel);
-    const BlockEntry& entry = catalog_.block(id);
-    if (entry.offset != end)
-      return Fail(fmt::format("{}: block {} is not where it should be", path(), catalog_.NumberOf(id)));
-    end += entry.stored;
-    if (entry.stored == 0) continue;
-    QUARRY_ASSIGN(const Bytes stored, ReadBlock(id));
-    Bytes decoded(entry.decoded);
-    const Status status =
-        kind == BlockKind::kHot
-            ? DecodeHot(decoder, catalog_, voxel, stored, decoded).and_then([&](const VoxelGeometry& v) {
-                return CheckBounds(v, catalog_.voxels[voxel]);
-              })
-            : DecodeShading(decoder, catalog_, voxel, stored, decoded).map([](auto&&) {});
-    if (!status)
-      return Fail(fmt::format("{}: block {} at byte {}: {}", path(), catalog_.NumberOf(id), entry.offset,
-                              status.error().message));
+  QUARRY_TRY(verifier.CheckVoxelsEnd());
+  for (uint32_t t = 0; t < textures().size(); ++t) {
+    QUARRY_TRY(verifier.CheckTexture(t));
+    progress(voxels + t + 1, all);
   }
-  return {};
-}
-
-Status StoreReader::CheckBlocksEnd(uint64_t end) const {
-  if (end == blocks_end_) return {};
-  return Fail(fmt::format("{}: the blocks end at byte {}, their section at {}", path(), end, blocks_end_));
+  return verifier.CheckPagesFill();
 }
 
 }  // namespace quarry

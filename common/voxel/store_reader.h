@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -10,8 +11,8 @@
 #include "common/base/file.h"
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
-#include "common/voxel/block_decoder.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/parts/part_sections.h"
 #include "common/voxel/store_names.h"
 #include "common/voxel/texture_sections.h"
 
@@ -56,6 +57,15 @@ class StoreReader {
   Result<std::string> MaterialName(uint32_t material) const;
   Result<std::string> TextureName(uint32_t texture) const;
 
+  /// The tree of parts, read from the file when asked for. PartTree holds it in memory.
+  const PartSections& part_sections() const { return *part_sections_; }
+  /// Whether the store states which parts each voxel has. Stores from before do not.
+  bool has_parts_of_voxels() const { return part_sections_->has_lists(); }
+  /// Calls `each` for all voxels in order, with the parts of the voxel's triangles, ascending; they are valid
+  /// during the call. Requires: has_parts_of_voxels(). Errors: as PartListReader.
+  Status ForEachVoxelParts(
+      const std::function<void(uint32_t voxel, std::span<const uint32_t> parts)>& each) const;
+
   /// The textures; empty when the store has none.
   const std::vector<Texture>& textures() const { return catalog_.textures; }
   /// The materials' uses of textures, sorted by material, then use.
@@ -76,26 +86,13 @@ class StoreReader {
   /// byte).
   Result<Bytes> ReadPage(uint32_t texture, uint32_t page) const;
 
-  /// Reads and decodes every block and page, and checks that they fill their sections without gaps. Calls
-  /// `progress(done, total)` after each voxel and texture. Errors: the first problem found.
-  template <class Progress>
-  Status Verify(Progress&& progress) const {
-    uint64_t end = blocks_begin_;
-    BlockDecoder decoder;
-    const size_t voxels = catalog_.voxels.size(), all = voxels + textures().size();
-    for (uint32_t v = 0; v < voxels; ++v) {
-      QUARRY_TRY(VerifyVoxel(v, end, decoder));
-      progress(v + 1, all);
-    }
-    QUARRY_TRY(CheckBlocksEnd(end));
-    for (uint32_t t = 0; t < textures().size(); ++t) {
-      QUARRY_TRY(VerifyTexture(t));
-      progress(voxels + t + 1, all);
-    }
-    return CheckPagesFill();
-  }
+  /// Reads and decodes every block and page, and checks that they fill their sections without gaps and that
+  /// the parts' sections are right. Calls `progress(done, total)` after each voxel and texture. Errors: the
+  /// first problem found.
+  Status Verify(const std::function<void(uint64_t done, uint64_t total)>& progress) const;
 
  private:
+  friend class StoreVerifier;
   explicit StoreReader(std::unique_ptr<const RandomAccessFile> file) : file_(std::move(file)) {}
   Status ReadHeader();
   Result<std::vector<SectionEntry>> ReadTable(std::span<const std::byte> table, uint32_t count) const;
@@ -104,17 +101,14 @@ class StoreReader {
   Result<Bytes> ReadBytes(const SectionEntry& entry) const;
   Status CheckBytes(const SectionEntry& entry) const;
   Result<std::string> NameIn(SectionType section, uint64_t at) const;
-  Status VerifyVoxel(uint32_t voxel, uint64_t& end, BlockDecoder& decoder) const;
-  Status CheckBlocksEnd(uint64_t end) const;
   Status DecodeViews(const std::vector<Section>& sections);
-  Status VerifyTexture(uint32_t texture) const;
-  Status CheckPagesFill() const;
 
   std::unique_ptr<const RandomAccessFile> file_;
   SceneId id_{};
   Catalog catalog_;
   std::vector<Section> catalog_sections_;
   std::unique_ptr<const StoreNames> names_;
+  std::unique_ptr<const PartSections> part_sections_;
   std::vector<MaterialTexture> material_textures_;
   SceneViews views_;
   ModelNames models_;

@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 13;
+constexpr uint32_t kSectionCount = 15;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
@@ -55,7 +55,7 @@ Bytes EncodeHeader(uint32_t version, const SceneId& id, uint64_t file_size,
   return out.Take();
 }
 
-Bytes EncodeParts(const std::vector<std::string>& parts, std::string& strings) {
+Bytes EncodePartNames(const std::vector<std::string>& parts, std::string& strings) {
   ByteWriter out;
   for (const std::string& part : parts) {
     out.Put(static_cast<uint32_t>(strings.size()));
@@ -91,6 +91,7 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
       hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(), hot.vertices.size(), hot.masks.size()));
   voxel.masks = !hot.masks.empty();
   voxel.hot_logical = Checksum(streams);
+  voxel.parts = EncodePartList(hot.parts);
   if (shading) {
     streams = EncodeShading(*shading);
     voxel.shading = CompressBlock(streams);
@@ -125,6 +126,7 @@ Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::st
   StoreWriter writer(std::move(file));
   writer.directory_ = std::move(progress.directory);
   writer.logical_ = std::move(progress.logical);
+  writer.parts_ = std::move(progress.parts);
   writer.textures_ = std::move(progress.textures);
   writer.masks_ = progress.masks;
   if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
@@ -145,6 +147,8 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   masks_ = masks_ || voxel.masks;
   logical_.push_back(voxel.hot_logical);
   logical_.push_back(voxel.shading_logical);
+  parts_.sizes.push_back(static_cast<uint32_t>(voxel.parts.size()));
+  parts_.bytes.insert(parts_.bytes.end(), voxel.parts.begin(), voxel.parts.end());
   QUARRY_TRY(file_.Write(voxel.hot));
   return file_.Write(voxel.shading);
 }
@@ -171,9 +175,9 @@ Status StoreWriter::DropTexture() {
 }
 
 Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
-                                    const std::vector<Material>& materials,
-                                    const std::vector<std::string>& parts, const SceneViews& views,
-                                    const std::vector<std::string>& models) {
+                                    const std::vector<Material>& materials, const PartTable& parts,
+                                    const SceneViews& views, const std::vector<std::string>& models) {
+  QUARRY_CHECK_EQ(parts.facts.size(), parts.names.size());
   for (const VoxelEntry& v : directory_) {
     for (const BlockEntry& b : v.blocks) {
       meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
@@ -198,7 +202,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kTopTree, EncodeTopTree(top_nodes)});
   sections.push_back({SectionType::kDirectory, EncodeDirectory(directory_)});
   sections.push_back({SectionType::kMaterials, EncodeMaterials(materials, strings)});
-  sections.push_back({SectionType::kParts, EncodeParts(parts, strings)});
+  sections.push_back({SectionType::kParts, EncodePartNames(parts.names, strings)});
   Bytes texture_directory = EncodeTextures(textures, strings);
   Bytes cameras = EncodeCameras(views.cameras, strings), lights = EncodeLights(views.lights, strings);
   const auto text = AsBytes(strings);
@@ -207,6 +211,8 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kMaterialTextures, EncodeMaterialTextures(materials)});
   sections.push_back({SectionType::kCameras, std::move(cameras)});
   sections.push_back({SectionType::kLights, std::move(lights)});
+  sections.push_back({SectionType::kPartTree, EncodePartTree(parts.facts)});
+  sections.push_back({SectionType::kVoxelParts, parts_.bytes});
 
   std::vector<Section> logical = sections;
   logical[0].bytes = EncodeMeta(LogicalMeta(meta));

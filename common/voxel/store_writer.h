@@ -10,6 +10,7 @@
 #include "common/base/status.h"
 #include "common/scene/scene_views.h"
 #include "common/voxel/catalog.h"
+#include "common/voxel/parts/part_sections.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/texture_sections.h"
 #include "common/voxel/voxel_block.h"
@@ -25,6 +26,7 @@ struct EncodedVoxel {
   glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of the triangles
   bool chained = false;                        ///< the next voxel written is in the same top-level leaf
   bool masks = false;                          ///< the hot block has opacity masks
+  Bytes parts;                                 ///< its piece of VPRT
 };
 
 /// Encodes and compresses a voxel; `shading` is null when it has no attributes. Thread-safe.
@@ -47,11 +49,19 @@ struct WrittenTexture {
   std::vector<uint64_t> logical;
 };
 
+/// The section VPRT of the voxels so far. Memory: 4 bytes a voxel; a byte or two for each pair of a voxel and
+/// a part in it.
+struct VoxelPartLists {
+  Bytes bytes;                  ///< one piece after the other
+  std::vector<uint32_t> sizes;  ///< of each voxel's piece, in bytes
+};
+
 /// The state of a StoreWriter apart from its file. A later process continues from it.
 struct StoreProgress {
   uint64_t bytes = 0;  ///< size of the file; 0 when nothing is written
   std::vector<VoxelEntry> directory;
   std::vector<uint64_t> logical;  ///< checksums of the streams, two per voxel
+  VoxelPartLists parts;
   std::vector<WrittenTexture> textures;
   bool masks = false;  ///< StoreWriter::has_masks()
 };
@@ -86,9 +96,10 @@ class StoreWriter {
   /// Whether a voxel has opacity masks.
   bool has_masks() const { return masks_; }
   /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`.
-  /// `models`: the names of the models' files, without zeros in them; not part of the scene id.
+  /// `parts`: facts of as many parts as names, parents before children. `models`: the names of the models'
+  /// files, without zeros in them; not part of the scene id.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
-                         const std::vector<Material>& materials, const std::vector<std::string>& parts,
+                         const std::vector<Material>& materials, const PartTable& parts,
                          const SceneViews& views = {}, const std::vector<std::string>& models = {});
   /// Bytes in the file so far.
   uint64_t bytes_written() const { return file_.size(); }
@@ -96,12 +107,14 @@ class StoreWriter {
   Status Sync() { return file_.Sync(); }
   const std::vector<VoxelEntry>& directory() const { return directory_; }
   const std::vector<uint64_t>& logical() const { return logical_; }
+  const VoxelPartLists& parts() const { return parts_; }
 
  private:
   explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}
   OutputFile file_;
   std::vector<VoxelEntry> directory_;
   std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
+  VoxelPartLists parts_;
   std::vector<WrittenTexture> textures_;
   uint32_t version_ = kUnpackedStoreVersion;
   bool masks_ = false;

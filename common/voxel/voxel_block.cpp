@@ -12,8 +12,8 @@
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/wide_node.h"
 #include "common/math/packed_normal.h"
-#include "common/voxel/byte_planes.h"
-#include "common/voxel/tree_streams.h"
+#include "common/voxel/streams/byte_planes.h"
+#include "common/voxel/streams/tree_streams.h"
 
 namespace quarry {
 namespace {

@@ -10,6 +10,7 @@
 #include "common/kdtree/ray.h"
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"
+#include "common/voxel/parts/part_sections.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/partition/sample.h"
 #include "preprocess/spill/spill_file.h"
@@ -33,7 +34,7 @@ struct ImportedTriangles {
 /// Tables that triangles refer to by index, and the views of the scene.
 struct ImportedTables {
   std::vector<Material> materials;  ///< at least one after the import
-  std::vector<std::string> parts;   ///< at least one after the import
+  PartTable parts;                  ///< at least one after the import
   std::vector<std::string> warnings;
   std::vector<std::string> notes;  ///< how files were read, a sentence each, for the summary
   SceneViews views;

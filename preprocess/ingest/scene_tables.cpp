@@ -30,10 +30,12 @@ uint32_t SceneTables::AddMaterial(const Material& material, double unit_length) 
 }
 
 uint32_t SceneTables::AddPart(std::string_view name) {
-  const auto next = static_cast<uint32_t>(tables_.parts.size());
+  const auto next = static_cast<uint32_t>(tables_.parts.names.size());
   const auto [it, added] = file_parts_.emplace(name, next);
-  if (added) tables_.parts.emplace_back(name);
-  return it->second;
+  if (!added) return it->second;
+  tables_.parts.names.emplace_back(name);
+  tables_.parts.facts.emplace_back();
+  return next;
 }
 
 uint32_t SceneTables::DefaultMaterial() {
@@ -97,7 +99,8 @@ Status SceneTables::Finish() {
 
 void SceneTables::Save(ByteWriter& out) const {
   PutMaterials(tables_.materials, out);
-  PutTexts(tables_.parts, out);
+  PutTexts(tables_.parts.names, out);
+  out.PutArray(tables_.parts.facts);
   PutTexts(tables_.warnings, out);
   PutTexts(tables_.notes, out);
   PutViews(tables_.views, out);
@@ -105,7 +108,8 @@ void SceneTables::Save(ByteWriter& out) const {
 
 void SceneTables::Restore(ByteReader& in) {
   tables_.materials = GetMaterials(in);
-  tables_.parts = GetTexts(in);
+  tables_.parts.names = GetTexts(in);
+  tables_.parts.facts = in.GetArray<ScenePart>(tables_.parts.names.size());
   tables_.warnings = GetTexts(in);
   tables_.notes = GetTexts(in);
   tables_.views = GetViews(in);

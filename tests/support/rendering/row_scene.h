@@ -6,6 +6,7 @@
 
 #include "common/engine/scene.h"
 #include "common/voxel/store_writer.h"
+#include "tests/support/stores/small_store.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry::test {
@@ -62,7 +63,7 @@ struct Row {
                 ->Finish(meta,
                          {KdNode::Inner(1, 10, 1), KdNode::Inner(1, 0, 3), KdNode::Inner(1, 20, 5),
                           KdNode::Leaf(0, 1), KdNode::Leaf(1, 1), KdNode::Leaf(2, 1), KdNode::Leaf(3, 1)},
-                         {mirror}, {"part"})
+                         {mirror}, RootParts({"part"}))
                 .has_value());
     auto opened = Scene::Open(folder.file("s"));
     REQUIRE(opened.has_value());

@@ -6,6 +6,7 @@
 #include <iterator>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/voxel/store_reader.h"
@@ -48,6 +49,12 @@ inline void WriteFile(const std::string& path, const std::vector<char>& bytes) {
   std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
+/// Parts without parents, boxes and counts.
+inline PartTable RootParts(std::vector<std::string> names) {
+  const size_t count = names.size();
+  return {std::move(names), std::vector<ScenePart>(count)};
+}
+
 /// Writes a store of `voxels` voxels in a chain. A block takes about 4 KiB and does not compress; every third
 /// voxel has a shading block. Different seeds make different scenes.
 inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t seed = 1) {
@@ -75,7 +82,7 @@ inline void WriteSmallStore(const std::string& path, uint32_t voxels, uint32_t s
   meta.padding = 1e-6f;
   meta.input_triangles = 2 * voxels;
   meta.voxel_size = 1 << 16;
-  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, {Material{"paint"}}, {"part"}).has_value());
+  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, {Material{"paint"}}, RootParts({"part"})).has_value());
 }
 
 /// The keys of the directory's blocks.

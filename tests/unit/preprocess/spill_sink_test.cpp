@@ -189,7 +189,7 @@ TEST_CASE("Another process takes over a saved import") {
   CHECK(scene->input_triangles == 1010);
   CHECK(scene->materials[0] ==
         Material{.name = "steel", .diffuse = {0.1f, 0.2f, 0.3f}, .ior = 1.5f, .fresnel = true});
-  CHECK(scene->parts == std::vector<std::string>{"f", "f"});
+  CHECK(scene->parts.names == std::vector<std::string>{"f", "f"});
   const std::vector<TriangleRecord> records = Records(*scene);
   REQUIRE(records.size() == 1010);
   for (uint32_t i = 0; i < records.size(); ++i) REQUIRE(records[i].id == i);

@@ -75,8 +75,8 @@ SceneId WriteStore(const std::string& path) {
   first.chained = true;
   REQUIRE(writer->AddVoxel(first).has_value());
   REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
-  const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"},
-                                 MakeViews(), {"plant.obj", "pipes.ply"});
+  const auto id = writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(),
+                                 test::RootParts({"valve", "pump"}), MakeViews(), {"plant.obj", "pipes.ply"});
   REQUIRE(id.has_value());
   return *id;
 }
@@ -180,7 +180,7 @@ TEST_CASE("A store whose directory states wrong positions of voxels is refused")
     change(voxel);
     REQUIRE(writer->AddVoxel(voxel).has_value());
     REQUIRE(writer->AddVoxel(EncodeVoxel(MakeHot(), nullptr)).has_value());
-    REQUIRE(writer->Finish(MakeMeta(), top, MakeMaterials(), {"valve", "pump"}).has_value());
+    REQUIRE(writer->Finish(MakeMeta(), top, MakeMaterials(), test::RootParts({"valve", "pump"})).has_value());
     return FaultOf(folder.file("s"));
   };
   const std::vector<KdNode> leaf{KdNode::Leaf(0, 1)};
@@ -464,7 +464,8 @@ TEST_CASE("A store states whether voxels have opacity masks, in its version too"
       encoded.chained = &of_voxel != &masks.back();
       REQUIRE(writer->AddVoxel(encoded));
     }
-    REQUIRE(writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(), {"valve", "pump"}));
+    REQUIRE(writer->Finish(MakeMeta(), {KdNode::Leaf(0, 1)}, MakeMaterials(),
+                           test::RootParts({"valve", "pump"})));
     const auto store = StoreReader::Open(folder.file("s"));
     REQUIRE(store);
     CHECK(FaultOf(folder.file("s")).empty());

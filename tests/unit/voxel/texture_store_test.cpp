@@ -70,7 +70,7 @@ SceneId WriteStore(const std::string& path, uint32_t seed = 1,
   SceneMeta meta;
   meta.root_upper = glm::vec3(1);
   meta.padding = 1e-6f;
-  const auto id = writer->Finish(meta, {KdNode::Leaf(0, 1)}, materials, {"part"});
+  const auto id = writer->Finish(meta, {KdNode::Leaf(0, 1)}, materials, test::RootParts({"part"}));
   REQUIRE(id);
   return *id;
 }

@@ -1,11 +1,11 @@
-#include "common/voxel/tree_streams.h"
+#include "common/voxel/streams/tree_streams.h"
 
 #include <algorithm>
 #include <cstring>
 
 #include "common/base/check.h"
 #include "common/kdtree/build/treelets.h"
-#include "common/voxel/byte_planes.h"
+#include "common/voxel/streams/byte_planes.h"
 
 namespace quarry {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/voxel/tree_completion.h"
+#include "common/voxel/streams/tree_completion.h"
 
 #include <fmt/format.h>
 
