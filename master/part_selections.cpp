@@ -79,8 +79,8 @@ Result<std::shared_ptr<const PartSelection>> PartSelections::Resolve(const PartL
   if (caps) {
     selection->closed = selection->inverted = NoParts(parts.size());
     for (uint32_t part = 0; part < parts.size(); ++part) {
-      if ((parts[part].flags & PartTree::kClosed) != 0) AddPart(selection->closed, part);
-      if ((parts[part].flags & PartTree::kInverted) != 0) AddPart(selection->inverted, part);
+      if ((parts[part].flags & PartTree::Part::kClosed) != 0) AddPart(selection->closed, part);
+      if ((parts[part].flags & PartTree::Part::kInsideOut) != 0) AddPart(selection->inverted, part);
     }
   }
   selection->id = IdOf(*selection);

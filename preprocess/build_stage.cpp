@@ -194,6 +194,7 @@ Status BuildStage::Finish(PreprocessStatistics& statistics) {
   meta.dropped_transparent = std::accumulate(dropped_.begin(), dropped_.end(), uint64_t{0});
   statistics.meta = meta;
   statistics.meta.masks = writer_->has_masks();
+  statistics.meta.uncolored = !writer_->has_colors();
   statistics.textures = textures_.Statistics(*writer_);
   statistics.warnings += statistics.textures.left_out;
   textures_.Renumber(scene_.materials, *writer_);
@@ -251,6 +252,7 @@ Status BuildStage::RestoreRecord(const SavedCheckpoint& checkpoint) {
       subtrees_.push_back(std::move(subtree));
       dropped_.push_back(in.Get<uint64_t>());
       stored_.masks |= in.Get<uint8_t>() != 0;
+      stored_.colored |= in.Get<uint8_t>() != 0;
       readable = in.done();
       break;
     }
@@ -362,7 +364,9 @@ Status BuildStage::SaveBuilt(bool now) {
     checkpoint.PutArray(std::span(writer_->parts().bytes).subspan(saved_part_bytes_, bytes));
     saved_part_bytes_ += bytes;
     checkpoint.Put(dropped_[saved_regions_]);
-    checkpoint.Put<uint8_t>(writer_->has_masks());  // later regions are built again, with their masks
+    // Later regions are built again, with their masks and colours.
+    checkpoint.Put<uint8_t>(writer_->has_masks());
+    checkpoint.Put<uint8_t>(writer_->has_colors());
     QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
     files_->file(saved_regions_).Remove();
     if (borders_) borders_->files()[saved_regions_].Remove();

@@ -45,10 +45,9 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kQuery:
     case MessageType::kFrameProgress:
     case MessageType::kBlockRequest:
+    case MessageType::kRay:
     case MessageType::kRayDone:
       return {kSmall, 0};
-    case MessageType::kRay:
-      return {2 * kSmall, 0};  // kMaxSectionPlanes
     case MessageType::kAnswer:
       return {0, 256u << 20};  // names of materials and parts
     case MessageType::kPing:

@@ -28,6 +28,7 @@ View DefaultView(const SceneSummary& scene, uint32_t width, uint32_t height) {
   view.height = height;
   view.mode = RenderMode::kAo;
   view.spp = InfoOf(view.mode).default_spp;
+  view.edges = scene.plain;
   view.lights = DefaultLights(scene);
   const bool inside = scene.framing.interior && scene.framing.inside;
   if (inside) view.ao_distance = InsideAoDistance(scene);

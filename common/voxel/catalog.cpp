@@ -16,7 +16,7 @@ namespace quarry {
 namespace {
 
 constexpr size_t kMetaBytes = 192;
-constexpr uint32_t kMasksFlag = 1;  // of META
+constexpr uint32_t kMasksFlag = 1, kUncoloredFlag = 2;  // of META
 constexpr size_t kVoxelBytes = 72;
 constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // flags of a material
 /// Laid out in treelets, two nodes take at most nine slots with headers and alignment, and links number
@@ -53,6 +53,7 @@ Result<SceneMeta> DecodeMeta(std::span<const std::byte> bytes) {
   m.dropped_transparent = in.Get<uint64_t>();
   const auto flags = in.Get<uint32_t>();
   m.masks = (flags & kMasksFlag) != 0;
+  m.uncolored = (flags & kUncoloredFlag) != 0;
   if (!in.ok() || bytes.size() != kMetaBytes) return Fail("the META section has the wrong size");
   if (!Finite(m.root_lower) || !Finite(m.root_upper) || !std::isfinite(m.padding) || m.padding < 0 ||
       m.up_axis > 2 || m.largest_decoded > kMaxBlockBytes)
@@ -218,6 +219,13 @@ uint64_t Catalog::DecodedBytes() const {
   return bytes;
 }
 
+bool IsPlain(const Catalog& catalog) {
+  const auto& materials = catalog.materials;
+  return catalog.meta.uncolored && catalog.textures.empty() &&
+         std::ranges::all_of(materials,
+                             [&](const Material& m) { return m.base_color == materials.front().base_color; });
+}
+
 std::string FormatSceneId(const SceneId& id) {
   std::string text;
   for (uint8_t byte : id) text += fmt::format("{:02x}", byte);
@@ -254,7 +262,7 @@ Bytes EncodeMeta(const SceneMeta& m) {
   out.Put(m.largest_stored);
   out.Put(m.lz4_version);
   out.Put(m.dropped_transparent);
-  out.Put(m.masks ? kMasksFlag : 0u);
+  out.Put((m.masks ? kMasksFlag : 0u) | (m.uncolored ? kUncoloredFlag : 0u));
   Bytes bytes = out.Take();
   bytes.resize(kMetaBytes);
   return bytes;

@@ -62,6 +62,7 @@ struct SceneMeta {
   uint64_t dropped_not_finite = 0;             ///< triangles with a NaN, infinite or larger than 2^60
                                                ///< coordinate
   uint64_t dropped_transparent = 0;            ///< triangles that their opacity's texture cuts out all over
+  bool uncolored = false;                      ///< no vertex has a colour; false where that is not known
   bool masks = false;                          ///< some hot blocks have opacity masks, see opacity_mask.h
   uint64_t stored_references = 0;              ///< triangles over all voxels, copies included
   uint32_t voxel_size = 0;                     ///< target size of a decoded hot block
@@ -170,6 +171,10 @@ struct Catalog {
             meta.root_lower,  meta.root_upper,  top_wide.data()};
   }
 };
+
+/// Whether nothing but shape tells the surfaces of a scene apart: no textures, no colours of vertices, and
+/// one colour of all materials.
+bool IsPlain(const Catalog& catalog);
 
 /// The box of the voxels of a leaf, within its cell. Voxels are left out where is_hidden(voxel) is true; a
 /// leaf without voxels has its cell.

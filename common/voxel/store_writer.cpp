@@ -93,6 +93,8 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   voxel.hot_logical = Checksum(streams);
   voxel.parts = EncodePartList(hot.parts);
   if (shading) {
+    voxel.colored = std::ranges::any_of(
+        shading->vertices, [](const ShadingVertex& v) { return v.color != ShadingVertex().color; });
     streams = EncodeShading(*shading);
     voxel.shading = CompressBlock(streams);
     voxel.shading_decoded =
@@ -129,6 +131,7 @@ Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::st
   writer.parts_ = std::move(progress.parts);
   writer.textures_ = std::move(progress.textures);
   writer.masks_ = progress.masks;
+  writer.colored_ = progress.colored;
   if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
   return writer;
 }
@@ -145,6 +148,7 @@ Status StoreWriter::AddVoxel(const EncodedVoxel& voxel) {
   if (voxel.chained) entry.next_in_chain = voxel_count() + 1;
   directory_.push_back(entry);
   masks_ = masks_ || voxel.masks;
+  colored_ = colored_ || voxel.colored;
   logical_.push_back(voxel.hot_logical);
   logical_.push_back(voxel.shading_logical);
   parts_.sizes.push_back(static_cast<uint32_t>(voxel.parts.size()));
@@ -187,6 +191,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   }
   meta.lz4_version = CompressorVersion();
   meta.masks = masks_;
+  meta.uncolored = !colored_;
   uint64_t blocks_end = kBlocksOffset;
   if (!directory_.empty()) {
     const auto& [hot, shading] = directory_.back().blocks;

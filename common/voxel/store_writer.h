@@ -26,6 +26,7 @@ struct EncodedVoxel {
   glm::vec3 bounds_lower{0}, bounds_upper{0};  ///< box of the triangles
   bool chained = false;                        ///< the next voxel written is in the same top-level leaf
   bool masks = false;                          ///< the hot block has opacity masks
+  bool colored = false;                        ///< a vertex has a colour
   Bytes parts;                                 ///< its piece of VPRT
 };
 
@@ -63,7 +64,8 @@ struct StoreProgress {
   std::vector<uint64_t> logical;  ///< checksums of the streams, two per voxel
   VoxelPartLists parts;
   std::vector<WrittenTexture> textures;
-  bool masks = false;  ///< StoreWriter::has_masks()
+  bool masks = false;    ///< StoreWriter::has_masks()
+  bool colored = false;  ///< StoreWriter::has_colors()
 };
 
 /// Writes a scene store: the voxels, then the textures, then all other sections. Nothing is at `path` until
@@ -95,9 +97,11 @@ class StoreWriter {
   void AllowPackedNormals() { version_ = kPackedStoreVersion; }
   /// Whether a voxel has opacity masks.
   bool has_masks() const { return masks_; }
-  /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`.
-  /// `parts`: facts of as many parts as names, parents before children. `models`: the names of the models'
-  /// files, without zeros in them; not part of the scene id.
+  /// Whether a vertex has a colour.
+  bool has_colors() const { return colored_; }
+  /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`,
+  /// `uncolored`. `parts`: facts of as many parts as names, parents before children. `models`: the names of
+  /// the models' files, without zeros in them; not part of the scene id.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const PartTable& parts,
                          const SceneViews& views = {}, const std::vector<std::string>& models = {});
@@ -117,7 +121,7 @@ class StoreWriter {
   VoxelPartLists parts_;
   std::vector<WrittenTexture> textures_;
   uint32_t version_ = kUnpackedStoreVersion;
-  bool masks_ = false;
+  bool masks_ = false, colored_ = false;
   uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began
 };
 

@@ -65,7 +65,8 @@ Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& stor
   QUARRY_ASSIGN(StoreReader reader, OpenStore(store, http));
   const Scene scene(std::make_shared<const StoreReader>(std::move(reader)));
   const SceneMeta& meta = scene.catalog().meta;
-  SceneSummary summary{FormatSceneId(scene.catalog().id), meta.offset, scene.store().views(), {}};
+  SceneSummary summary{
+      FormatSceneId(scene.catalog().id), meta.offset, IsPlain(scene.catalog()), scene.store().views(), {}};
   QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
   if (NeedsFraming(a)) {
     QUARRY_ASSIGN(summary.framing, ProbeFraming(scene, up_axis, WantsInside(a)));

@@ -291,10 +291,13 @@ Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJ
     QUARRY_TRY(ReadViewFile(a, scene.offset, description));
     job.view.camera = description.view.camera;
     job.view.lights = std::move(description.view.lights);
+    job.view.section = std::move(description.view.section);
   }
   QUARRY_TRY(ChooseLights(a, scene, job.view));
   QUARRY_TRY(ChooseAoDistance(a, scene, job.view));
   QUARRY_TRY(PlaceCameras(a, scene, job));
+  if (!a.has_view_file()) job.view.edges = scene.plain && job.view.mode == RenderMode::kAo;
+  if (Typed(a, "--edges")) job.view.edges = a.edges;
   return NormalizeJob(job);
 }
 

@@ -28,6 +28,7 @@ struct RenderArguments {
   unsigned spp = 0;  ///< 0: 4 in ao, else 1
   unsigned ao_samples = 4;
   float ao_distance = 0;  ///< scene units; 0: by the size of the scene
+  bool edges = false;     ///< if given: --edges or --no-edges
   uint64_t seed = 0;
   double exposure = 0;
   std::string stats, master;

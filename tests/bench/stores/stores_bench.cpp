@@ -12,6 +12,7 @@
 #include "common/base/resource.h"
 #include "common/kdtree/build/treelets.h"
 #include "common/program/run_program.h"
+#include "common/voxel/block_decoder.h"
 #include "common/voxel/store_reader.h"
 #include "tests/bench/arguments.h"
 #include "tests/bench/figures.h"

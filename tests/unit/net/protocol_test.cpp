@@ -191,6 +191,10 @@ TEST_CASE("Selections, lists of parts and sections are decoded to the same field
   const auto ray = DecodeRayOrder(
       Encode(RayOrder{.query = {{1, 2, 3}, {0, 1, 0}, 7}, .parts = view.parts, .section = view.section}));
   CHECK((ray->selection == selection.id && ray->section == view.section));
+  RayOrder longest;
+  longest.section = {true, {1, 2, 3}, {4, 6, 8}, {kMaxSectionPlanes, {{1, 1, 1}, {0, 0, 1}}}, true};
+  longest.parts = view.parts;
+  CHECK(Encode(longest).size() <= 1024);  // the limit of a Ray's table
 }
 
 TEST_CASE("Invalid values are refused") {

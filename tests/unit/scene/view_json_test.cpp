@@ -158,6 +158,7 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   framing.inside_distance = 2.5;
   const nlohmann::ordered_json answer = {{"scene_id", "00"},
                                          {"offset", {1000, 2000, 3000}},
+                                         {"plain", true},
                                          {"materials", {"steel"}},
                                          {"cameras", CamerasToJson(views)},
                                          {"lights", LightsToJson(views)},
@@ -177,10 +178,11 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   CHECK(summary->views.lights == views.lights);
   CHECK(summary->framing.lower == framing.lower);
   CHECK(summary->framing.hull == framing.hull);
+  CHECK(summary->plain);
   CHECK(summary->framing.up_axis == 1);
   CHECK(summary->framing.inside->at == framing.inside->at);
   CHECK(summary->framing.inside_distance == 2.5);
-  for (const char* const member : {"scene_id", "offset", "cameras", "lights", "framing"}) {
+  for (const char* const member : {"scene_id", "offset", "plain", "cameras", "lights", "framing"}) {
     auto without = answer;
     without.erase(member);
     const auto refused = read(without);

@@ -112,12 +112,14 @@ struct Watching {
                       {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
                        [](uint64_t) { return FrameMemory::Reservation(); }},
                       [this] { return now_s; }};
+  PartSelections selections{row.scene->store()};
   ViewerSite site{io,
                   moving,
                   exact,
                   cluster.dispatcher,
                   rays,
                   *row.scene,
+                  selections,
                   *source,
                   saved,
                   {},
