@@ -43,7 +43,7 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
   for (const std::string* file : {&a.scene, &a.camera_path, &a.lights, &a.security.secret_file,
                                   &a.security.tls_cert, &a.security.tls_key, &a.security.tls_ca})
     guard.AddInput(*file);
-  if (a.has_view_file()) guard.AddInput(a.view);
+  if (a.has_view_file()) guard.AddInput(a.view_file());
   const OutputKind& kind = job.format.name == "png" ? kPngOutput : kExrOutput;
   for (size_t i = 0; i < job.cameras.size(); ++i) {
     const auto frame = static_cast<uint32_t>(job.first_frame + i);
@@ -268,7 +268,8 @@ Status RenderOnce(const RenderArguments& a) {
 
 }  // namespace
 
-Result<RenderJob> CheckedJob(const RenderArguments& a) {
+Result<RenderJob> CheckedJob(RenderArguments a) {
+  QUARRY_TRY(FindPathView(a));
   QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
   QUARRY_TRY(CheckOutputs(a, job, {}));
   QUARRY_ASSIGN(const SceneSummary scene, SummaryOf(a, a.scene));
@@ -276,9 +277,10 @@ Result<RenderJob> CheckedJob(const RenderArguments& a) {
   return job;
 }
 
-Status Render(const RenderArguments& a) {
+Status Render(RenderArguments a) {
   if (a.scene.empty() && a.master.empty())
     return BadUsage("name a scene store or a model, or the --master of a scene");
+  QUARRY_TRY(FindPathView(a));
   const Status done = RenderOnce(a);
   if (done || a.scene.empty() || IsRemote(a.scene) || done.error().kind == ErrorKind::kUsage) return done;
   // Damage to a kept store heals: the model makes it again.

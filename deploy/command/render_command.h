@@ -10,9 +10,9 @@ namespace quarry {
 /// unchanged (see StoreFor()). Without a scene, the master's is rendered.
 /// Errors: as StoreFor() and RenderRemotely(); (usage) arguments that contradict each other or have no
 /// effect; an output that OutputGuard refuses.
-Status Render(const RenderArguments& arguments);
+Status Render(RenderArguments arguments);
 
 /// All that Render() checks before it starts anything, of a store. Returns: the job. Errors: as Render().
-Result<RenderJob> CheckedJob(const RenderArguments& arguments);
+Result<RenderJob> CheckedJob(RenderArguments arguments);
 
 }  // namespace quarry

@@ -8,10 +8,8 @@
 #include <filesystem>
 #include <limits>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <optional>
 
-#include "common/base/json_file.h"
 #include "common/base/number.h"
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
@@ -76,12 +74,6 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
     return refuse("--exposure", "on an EXR image, which holds radiance as it is");
   if (job.view.aov_mask != 0 && job.format.name != "exr") return BadUsage("--aov needs an .exr output");
   return {};
-}
-
-/// The object of the view file, read into `description`.
-Status ReadViewFile(const RenderArguments& a, const glm::dvec3& offset, ViewDescription& description) {
-  QUARRY_ASSIGN(const auto json, ReadJsonFile<nlohmann::json>(a.view));
-  return ReadView(JsonValue(json, a.view), offset, description);
 }
 
 Status ParseImage(const RenderArguments& a, RenderJob& job) {
@@ -257,6 +249,13 @@ bool WantsInside(const RenderArguments& a) {
   return a.view == kNamedViewNames[static_cast<size_t>(NamedView::kInside)];
 }
 
+Status FindPathView(RenderArguments& a) {
+  if (a.camera_path.empty()) return {};
+  QUARRY_ASSIGN(const bool has_view, PathHasView(a.camera_path));
+  if (has_view) a.path_view = a.camera_path;
+  return {};
+}
+
 Result<RenderJob> JobWithoutScene(const RenderArguments& a) {
   RenderJob job;
   const std::string extension = std::filesystem::path(a.output).extension().string();
@@ -265,7 +264,7 @@ Result<RenderJob> JobWithoutScene(const RenderArguments& a) {
     return BadUsage(fmt::format("{}: images are written as .png or .exr", a.output));
   if (a.has_view_file()) {
     ViewDescription description;
-    QUARRY_TRY(ReadViewFile(a, glm::dvec3(0), description));
+    QUARRY_TRY(ReadViewFile(a.view_file(), glm::dvec3(0), description));
     job.view = std::move(description.view);
     job.format.exposure = description.format.exposure;
   }
@@ -288,7 +287,7 @@ Result<RenderJob> JobWithoutScene(const RenderArguments& a) {
 Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
   if (a.has_view_file()) {  // once more, for the positions
     ViewDescription description;
-    QUARRY_TRY(ReadViewFile(a, scene.offset, description));
+    QUARRY_TRY(ReadViewFile(a.view_file(), scene.offset, description));
     job.view.camera = description.view.camera;
     job.view.lights = std::move(description.view.lights);
     job.view.section = std::move(description.view.section);

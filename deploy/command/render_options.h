@@ -40,12 +40,20 @@ struct RenderArguments {
   const CLI::App* command = nullptr;  ///< the command that parsed them
   std::string command_line;           ///< the whole command line as typed
 
-  /// Whether --view names a file rather than a direction.
-  bool has_view_file() const { return view.ends_with(".json"); }
+  /// The file of --camera-path, if it holds a view; else empty. Set by FindPathView().
+  std::string path_view;
+
+  /// Whether a file gives the view: --view names one rather than a direction, or the camera path holds one.
+  bool has_view_file() const { return !view_file().empty(); }
+  /// That file, or an empty text.
+  std::string view_file() const { return view.ends_with(".json") ? view : path_view; }
 };
 
 /// Adds the options of `quarry render`, which are parsed into `arguments`. Both must outlive the parsing.
 void AddRenderOptions(CLI::App& command, RenderArguments& arguments);
+
+/// Looks whether the camera path holds a view. Errors: it cannot be read.
+Status FindPathView(RenderArguments& arguments);
 
 /// The part of a job that needs no scene: image, mode, samples; of a view file, all but its camera and
 /// lights. Reads every file that options name, so that bad input is reported before a model is preprocessed.

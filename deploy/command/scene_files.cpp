@@ -6,9 +6,15 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/json_file.h"
-#include "common/scene/view_json.h"
 
 namespace quarry {
+namespace {
+
+/// The member that holds the view of a camera path.
+constexpr const char* kPathView = "view";
+
+}  // namespace
+
 Status ReadLights(const std::string& path, const glm::dvec3& offset, View& view) {
   QUARRY_ASSIGN(const nlohmann::json root, ReadJsonFile<nlohmann::json>(path));
   const JsonValue whole(root, path);
@@ -26,6 +32,20 @@ Result<std::vector<CameraSpec>> ReadCameraPath(const std::string& path, const gl
     QUARRY_TRY(ReadCamera(object, cameras.emplace_back(CameraSpec{.up = up})));
   }
   return cameras;
+}
+
+Result<bool> PathHasView(const std::string& path) {
+  QUARRY_ASSIGN(const nlohmann::json root, ReadJsonFile<nlohmann::json>(path));
+  QUARRY_ASSIGN(const auto view, JsonValue(root, path).Optional(kPathView));
+  return view.has_value();
+}
+
+Status ReadViewFile(const std::string& path, const glm::dvec3& offset, ViewDescription& description) {
+  QUARRY_ASSIGN(const nlohmann::json root, ReadJsonFile<nlohmann::json>(path));
+  const JsonValue whole(root, path);
+  if (!root.is_object() || !root.contains("frames")) return ReadView(whole, offset, description);
+  QUARRY_ASSIGN(const JsonValue view, whole.Member(kPathView));
+  return ReadView(view, offset, description);
 }
 
 Result<glm::dvec3> ParseVector(const std::string& text, const std::string& what) {

@@ -87,7 +87,8 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
             {options.view_memory},
             [this] { AssignSoon(); },
             [this] { return Now(); },
-            [this](double seconds) { stats_.TookFrame(seconds); }} {}
+            [this](double seconds) { stats_.TookFrame(seconds); }},
+      parts_page_(selections, scene.catalog().meta.offset) {}
 
 Display::~Display() {
   server_.reset();
@@ -182,7 +183,7 @@ HttpResponse Display::OnRequest(const HttpRequest& request) {
   const std::string name = NameOfPage(request.path);
   if (name == "live") return OnLostUpgrade(request);
   if (name == "refusal") return refusals_.Answer(request);
-  if (name == "access" || SavedPictures::Names(name)) return OnPrivate(request, name);
+  if (name == "access" || name == "parts" || SavedPictures::Names(name)) return OnPrivate(request, name);
   if (name != "stats" && name != "metrics") return PageFor(request, access_, "index.html");
   if (!access_.MayReadStatistics(request)) return Refused(403, "the session's token is needed");
   if (name == "stats")
@@ -193,6 +194,7 @@ HttpResponse Display::OnRequest(const HttpRequest& request) {
 /// The answer to a browser that has the session.
 HttpResponse Display::OnPrivate(const HttpRequest& request, const std::string& name) const {
   if (!access_.HasSession(request)) return Refused(403, "the session's cookie is missing");
+  if (name == "parts") return parts_page_.Answer(request);
   return name == "access" ? HttpResponse{.body = access_.token()} : saved_.Fetch(name);
 }
 

@@ -12,6 +12,7 @@
 #include "common/scene/scene_summary.h"
 #include "master/display/live_stats.h"
 #include "master/display/page.h"
+#include "master/display/parts/parts_page.h"
 #include "master/display/socket_refusals.h"
 #include "master/display/viewer.h"
 #include "master/query_service.h"
@@ -100,6 +101,7 @@ class Display : private LiveDispatcher::Sink {
   const std::unique_ptr<VoxelSource> source_;
   SavedPictures saved_;
   ViewerSite site_;
+  const PartsPage parts_page_;
   std::map<uint32_t, std::shared_ptr<Viewer>> viewers_;
   std::vector<std::shared_ptr<Viewer>> departed_;  ///< whose callers may still run
   std::unique_ptr<HttpServer> server_;             ///< last: its handlers use the members above

@@ -1,6 +1,7 @@
 #include "master/display/picker.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
@@ -19,6 +20,7 @@ using nlohmann::ordered_json;
 struct PickedSurface {
   glm::dvec3 point{};   ///< scene units
   glm::dvec3 normal{};  ///< of the face, toward the ray's origin
+  std::array<glm::dvec3, 3> corners{};
   uint32_t material = 0, part = 0;
 };
 
@@ -35,17 +37,27 @@ Result<PickedSurface> FindSurface(const Catalog& catalog, const RayDone& hit, co
   const double length = glm::length(across), slope = glm::dot(across, ray.direction);
   if (!(length > 0) || slope == 0) return Fail("the triangle is seen from its edge");
   const double along = glm::dot(across, a - ray.origin) / slope;
-  return PickedSurface{ray.origin + along * ray.direction, (slope > 0 ? -across : across) / length,
-                       hot.materials[hit.local], hot.part(hit.local)};
+  return PickedSurface{ray.origin + along * ray.direction,
+                       (slope > 0 ? -across : across) / length,
+                       {a, b, c},
+                       hot.materials[hit.local],
+                       hot.part(hit.local)};
 }
 
-ordered_json Describe(const PickedSurface& surface, double distance, const RayDone& hit, const Scene& scene) {
-  const glm::dvec3 at = surface.point + scene.catalog().meta.offset;
-  const glm::dvec3& normal = surface.normal;
-  return {{"position", {at.x, at.y, at.z}},
+ordered_json Vector(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+ordered_json Describe(const PickedSurface& surface, double distance, const RayDone& hit, const Scene& scene,
+                      const PartTree& parts) {
+  const bool known = surface.part < parts.size();
+  const glm::dvec3& offset = scene.catalog().meta.offset;
+  const auto& [a, b, c] = surface.corners;
+  return {{"position", Vector(surface.point + offset)},
           {"distance", distance},
-          {"normal", {normal.x, normal.y, normal.z}},
-          {"part", scene.store().PartName(surface.part).value_or("")},
+          {"normal", Vector(surface.normal)},
+          {"corners", {Vector(a + offset), Vector(b + offset), Vector(c + offset)}},
+          {"part_id", surface.part},
+          {"part", known ? parts.name(surface.part) : ""},
+          {"part_path", known ? parts.Path(surface.part) : ""},
           {"material", scene.store().MaterialName(surface.material).value_or("")},
           {"triangle", hit.triangle},
           {"voxel", hit.voxel}};
@@ -70,34 +82,41 @@ void Picker::Ask(const PickMessage& pick, const View& view) {
     asked_.erase(ray);
     (*answer_)(AnswerText(replaced, nullptr, "replaced", true));
   }
+  const RayQuery ray = RayOf(pick, view);
+  if (!CheckRay(ray))
+    return (*answer_)(AnswerText(pick.pick, nullptr));  // so far away that nothing is visible
+  const glm::dvec3 from = pick.ray ? ray.origin : view.camera.eye;
+  const uint32_t number = rays_.Ask(ray, view, [this, number = pick.pick, ray, from](const RayDone& hit) {
+    asked_.erase(hit.ray);
+    OnHit(number, ray, from, hit);
+  });
+  asked_.emplace(number, pick.pick);
+}
+
+RayQuery Picker::RayOf(const PickMessage& pick, const View& view) const {
+  if (pick.ray) return *pick.ray;
   const auto place = [](double at, uint32_t length) {
     return at > 0 ? std::floor(std::min(at, static_cast<double>(length - 1))) : 0;
   };
   const SceneMeta& meta = scene_.catalog().meta;
   const Camera camera(view.camera, view.width, view.height, meta.root_lower, meta.root_upper);
-  const RayQuery ray = camera.Query(place(pick.x, view.width) + 0.5, place(pick.y, view.height) + 0.5);
-  if (!CheckRay(ray))
-    return (*answer_)(AnswerText(pick.pick, nullptr));  // so far away that nothing is visible
-  const uint32_t number =
-      rays_.Ask(ray, view, [this, number = pick.pick, ray, eye = view.camera.eye](const RayDone& hit) {
-        asked_.erase(hit.ray);
-        OnHit(number, ray, eye, hit);
-      });
-  asked_.emplace(number, pick.pick);
+  return camera.Query(place(pick.x, view.width) + 0.5, place(pick.y, view.height) + 0.5);
 }
 
 void Picker::OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const RayDone& hit) {
   if (hit.triangle == kNoIndex || hit.voxel >= scene_.catalog().voxels.size())
     return (*answer_)(AnswerText(pick, nullptr));
-  source_.Fetch(BlockKey::Hot(hit.voxel), [&scene = scene_, pick, ray, eye, hit,
+  source_.Fetch(BlockKey::Hot(hit.voxel), [&scene = scene_, &selections = selections_, pick, ray, eye, hit,
                                            weak = std::weak_ptr(answer_)](const Result<Bytes>& stored) {
     const auto answer = weak.lock();
     if (!answer) return;
     const auto surface =
         stored.and_then([&](const Bytes& bytes) { return FindSurface(scene.catalog(), hit, ray, bytes); });
     if (!surface) return (*answer)(AnswerText(pick, nullptr, "error", surface.error().message));
+    const auto parts = selections.Parts();
+    if (!parts) return (*answer)(AnswerText(pick, nullptr, "error", parts.error().message));
     const double distance = glm::dot(surface->point - eye, ray.direction);
-    (*answer)(AnswerText(pick, Describe(*surface, distance, hit, scene)));
+    (*answer)(AnswerText(pick, Describe(*surface, distance, hit, scene, **parts)));
   });
 }
 

@@ -104,7 +104,7 @@ Viewer::Viewer(ViewerSite& site, uint32_t id, std::shared_ptr<WebSocket> socket,
       socket_(std::move(socket)),
       on_gone_(std::move(on_gone)),
       pacer_(site.dispatcher, id, site.scene.catalog().materials),
-      picker_(site.rays, site.scene, site.source,
+      picker_(site.rays, site.scene, site.source, site.selections,
               [this](std::string json) {
                 if (!gone_) SendAnswer(std::move(json));
               }),

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -84,11 +85,29 @@ Result<SaveMessage> ReadSave(const JsonValue& json, const ViewDescription& defau
   return message;
 }
 
-Result<PickMessage> ReadPick(const JsonValue& json) {
-  QUARRY_TRY(json.HasOnly({"type", "pick", "x", "y"}));
+/// A ray in the model's coordinates.
+Result<RayQuery> ReadRay(const JsonValue& json, const JsonValue& origin, const glm::dvec3& offset) {
+  RayQuery ray;
+  QUARRY_TRY(origin.Numbers({&ray.origin.x, 3}, -kFarthestOrigin, kFarthestOrigin));
+  ray.origin -= offset;
+  QUARRY_ASSIGN(const JsonValue direction, json.Member("direction"));
+  QUARRY_TRY(direction.Numbers({&ray.direction.x, 3}, -kFarthestOrigin, kFarthestOrigin));
+  const double length = glm::length(ray.direction);
+  if (!(length > 0)) return direction.Wrong("has length 0");
+  ray.direction /= length;
+  return ray;
+}
+
+Result<PickMessage> ReadPick(const JsonValue& json, const glm::dvec3& offset) {
+  QUARRY_TRY(json.HasOnly({"type", "pick", "x", "y", "origin", "direction"}));
   PickMessage message;
   QUARRY_ASSIGN(const JsonValue pick, json.Member("pick"));
   QUARRY_ASSIGN(message.pick, pick.Whole());
+  QUARRY_ASSIGN(const auto origin, json.Optional("origin"));
+  if (origin) {
+    QUARRY_ASSIGN(message.ray, ReadRay(json, *origin, offset));
+    return message;
+  }
   QUARRY_ASSIGN(const JsonValue x, json.Member("x"));
   QUARRY_ASSIGN(message.x, x.Number());
   QUARRY_ASSIGN(const JsonValue y, json.Member("y"));
@@ -170,7 +189,7 @@ Result<ViewerMessage> ReadViewerMessage(std::string_view text, const ViewDescrip
     if (lists) wanted.view.parts.lists = lists;
     return wanted;
   }
-  if (name == "pick") return ReadPick(json);
+  if (name == "pick") return ReadPick(json, offset);
   if (name == "settings") return ReadSettings(json);
   if (name == "save") {
     QUARRY_ASSIGN(SaveMessage save, ReadSave(json, defaults, offset));

@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "common/base/status.h"
+#include "common/scene/ray_query.h"
 #include "common/scene/render_job.h"
 #include "common/scene/view_json.h"
 #include "master/display/view_pacer.h"
@@ -26,7 +27,8 @@ struct AckMessage {
 };
 struct PickMessage {
   uint64_t pick = 0;
-  double x = 0, y = 0;  ///< pixels of the view last sent
+  double x = 0, y = 0;          ///< pixels of the view last sent
+  std::optional<RayQuery> ray;  ///< instead of a pixel; its direction has length 1
 };
 struct SettingsMessage {
   std::optional<double> frame_rate;

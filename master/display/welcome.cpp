@@ -76,6 +76,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"lower", Triple(framing.lower + scene.offset)},
                          {"upper", Triple(framing.upper + scene.offset)},
                          {"size", glm::length(framing.upper - framing.lower)},
+                         {"unit_in_metres", catalog.meta.unit_in_metres},
                          {"interior", framing.interior},
                          {"views", NamedViews(scene)},
                          {"turned_views", NamedViews(Turned(scene))},

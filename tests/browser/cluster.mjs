@@ -48,8 +48,18 @@ export class Cluster {
   /** Makes the scene and starts a master at ports that stay the same when it is started again. `name`: of the store. */
   async begin(triangles, name = 'plant') {
     this.run('quarry-scene', 'plant', '--triangles', String(triangles), '-o', this.file('plant.ply'));
+    await this.serve('plant.ply', name);
+  }
+
+  /** The same with a model whose text is given. */
+  async beginWith(file, text) {
+    fs.writeFileSync(this.file(file), text);
+    await this.serve(file, file.replace(/\..*/, ''));
+  }
+
+  async serve(model, name) {
     this.store = this.file(`${name}.quarry`);
-    this.run('quarry-preprocess', this.file('plant.ply'), '-o', this.store, '--quiet');
+    this.run('quarry-preprocess', this.file(model), '-o', this.store, '--quiet');
     this.token = 'a-token-of-the-browser-tests-0123456789';
     fs.writeFileSync(this.file('token'), this.token, { mode: 0o600 });
     this.httpPort = await freePort();

@@ -13,7 +13,7 @@ export class Hint {
     }
     const isTouch = matchMedia('(pointer: coarse)').matches;
     $('hint').textContent = isTouch ? 'Drag with one finger to turn the model, with two to move and zoom.'
-      : 'Drag to turn the model, drag with the right button to move it, turn the wheel to zoom. Press ? for help.';
+      : 'Drag to turn the model, drag with the right button to move it, turn the wheel to zoom, click a part to name it. Press ? for help.';
     $('hint').hidden = isKnown;
   }
 

@@ -4,7 +4,11 @@ const CLICK_MOST_PIXELS = 4, CLICK_MOST_MS = 600;
 const LINE_PIXELS = 16;  // of a wheel that counts lines
 const PINCH_WHEEL = 6;  // a trackpad's pinch comes as a wheel of small steps with ctrl
 
-/// Listens on `stage`. `on` has drag() when one begins, click(x, y, event) and doubleClick(x, y) in pixels of the view.
+/// A finger that rests for this long opens the menu.
+const LONG_PRESS_MS = 550;
+
+/// Listens on `stage`. `on` has drag() when one begins; in pixels of the view click(x, y, event), doubleClick(x, y) and
+/// hover(x, y); and menu({x, y}) at a place in the window.
 export class Pointers {
   constructor(stage, live, navigation, flight, on) {
     Object.assign(this, { stage, live, navigation, flight, on });
@@ -39,9 +43,19 @@ export class Pointers {
     this.stage.focus({ preventScroll: true });
     this.stage.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    this.press = this.pointers.size === 1 && event.button === 0 && !event.shiftKey
-      ? { x: event.clientX, y: event.clientY, at: performance.now() } : null;
+    this.press = this.pointers.size === 1 && event.button !== 1
+      ? { x: event.clientX, y: event.clientY, at: performance.now(), button: event.button } : null;
     this.beginDrag(event.button, event.shiftKey);
+    clearTimeout(this.resting);
+    if (this.press && event.pointerType === 'touch') this.resting = setTimeout(() => this.longPress(), LONG_PRESS_MS);
+  }
+
+  /// Opens the menu at a resting finger, which then is no drag.
+  longPress() {
+    const { press } = this;
+    if (!press) return;
+    this.letGo();
+    this.on.menu({ x: press.x, y: press.y });
   }
 
   /// Begins the gesture of the present pointers.
@@ -68,7 +82,7 @@ export class Pointers {
   move(event) {
     if (this.isLocked) return this.lookLocked(event);
     const pointer = this.pointers.get(event.pointerId);
-    if (!pointer) return;
+    if (!pointer) return this.pointers.size || this.on.hover(...this.pixelOf(event));
     const dx = event.clientX - pointer.x, dy = event.clientY - pointer.y;
     if (this.press && Math.hypot(event.clientX - this.press.x, event.clientY - this.press.y) < CLICK_MOST_PIXELS) return;
     this.press = null;
@@ -92,7 +106,9 @@ export class Pointers {
     const press = this.press;
     this.press = null;
     if (this.pointers.size) return this.beginDrag(0, false);
-    if (press && event.type === 'pointerup' && performance.now() - press.at < CLICK_MOST_MS) this.click(event);
+    if (!press || event.type !== 'pointerup') return;
+    if (press.button === 2) this.on.menu({ x: event.clientX, y: event.clientY });
+    else if (performance.now() - press.at < CLICK_MOST_MS) this.click(event);
   }
 
   click(event) {

@@ -25,13 +25,23 @@ function padAction({ code, ctrlKey }, navigation, on) {
   return ctrlKey ? undefined : others[code];
 }
 
-/// `on`: showView(NAME), home(), frame(), projection(), help(), escape(), panel(), activity(). `views`: names by
-/// number.
+/// Whether a key works on the picture itself, and not on a control.
+const isOnStage = ({ target }) => target === document.body || target.id === 'stage';
+
+/// The action of a key with Ctrl or Cmd, or none: it is the browser's.
+function commandAction({ key, shiftKey, altKey }, on) {
+  const name = altKey ? '' : key.toLowerCase();
+  if (name === 'z') return shiftKey ? on.redo : on.undo;
+  return name === 'y' ? on.redo : undefined;
+}
+
+/// `on`: showView(NAME), home(), frame(), projection(), help(), escape(), undo(), redo(); a function for each drawer; and
+/// for the parts hide(), isolate(), showAll(), clickMiddle() and menuMiddle(). `views`: names by number.
 export function listenToKeys(live, navigation, flight, views, on) {
   const actions = {
     g: () => flight.toggle(), o: on.projection,
-    Home: on.home, h: on.home, f: on.frame, 0: on.frame,
-    p: on.panel, t: on.activity,
+    Home: on.home, f: on.frame, 0: on.frame,
+    p: on.panel, t: on.activity, l: on.parts, k: on.kept, x: on.section, m: on.measure, h: on.hide, i: on.isolate,
     '+': () => (flight.isOn ? flight.faster(1.5) : navigation.nudgeNearer(NEARER)),
     '-': () => (flight.isOn ? flight.faster(1 / 1.5) : navigation.nudgeNearer(1 / NEARER)),
     ArrowLeft: () => navigation.nudge(STEP, 0), ArrowRight: () => navigation.nudge(-STEP, 0),
@@ -43,11 +53,19 @@ export function listenToKeys(live, navigation, flight, views, on) {
   addEventListener('keydown', (event) => {
     if (event.key === 'Escape') return on.escape();
     const pad = padAction(event, navigation, on), isPad = /^Numpad\d$/.test(event.code);
+    const command = (event.ctrlKey || event.metaKey) && !isPad && !isTyping(event) ? commandAction(event, on) : undefined;
+    if (command && live.view && !document.querySelector('dialog[open]')) {
+      event.preventDefault();
+      return command();
+    }
     if (event.metaKey || event.altKey || (event.ctrlKey && !pad) || isTyping(event) || isOperating(event)) return;
     if (event.key === '?') return on.help();
     if (!live.view || document.querySelector('dialog[open]')) return;
     flight.isFast = event.shiftKey;
-    const action = isPad ? pad : actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    let action = isPad ? pad : actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (event.shiftKey && event.code === 'KeyH') action = on.showAll;
+    if (isOnStage(event) && event.key === 'Enter') action = on.clickMiddle;
+    if (isOnStage(event) && (event.key === 'ContextMenu' || (event.key === 'F10' && event.shiftKey))) action = on.menuMiddle;
     if (flight.press(event.code)) event.preventDefault();
     else if (action) {
       event.preventDefault();

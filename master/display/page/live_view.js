@@ -2,7 +2,7 @@
 // sent in the same way.
 
 import { rounded } from './camera.js';
-import { fromWire, toWire } from './view_state.js';
+import { fromWire } from './view_state.js';
 
 /// A pick without an answer for this long counts as a miss.
 const PICK_MS = 3000;
@@ -12,9 +12,12 @@ const PICK_MS = 3000;
 const LEAST_MS = 6.5;
 
 export class LiveView {
-  /// `onChange()` runs after each change of the view, `onRest()` when a view without motion has been sent.
-  constructor(connection, onChange, onRest) {
+  /// `onChange()` runs after each change of the view, `onRest()` when a view without motion has been sent. `wire`:
+  /// message(VIEW), the view in the server's form or null while it cannot be sent; and isWaiting: the server does not
+  /// know a part of the view yet.
+  constructor(connection, wire, onChange, onRest) {
     this.connection = connection;
+    this.wire = wire;
     this.onChange = onChange;
     this.onRest = onRest;
     this.view = null;
@@ -107,8 +110,9 @@ export class LiveView {
 
   /// Sends the view if it, or its motion, has changed. Returns whether the server has the newest view.
   flush() {
-    if (!this.view || !this.connection.isOpen) return false;
-    const view = toWire(this.view), text = JSON.stringify(view), moving = this.isMoving;
+    const view = this.connection.isOpen ? this.message() : null;
+    if (!view) return false;
+    const text = JSON.stringify(view), moving = this.isMoving;
     const isNews = text !== this.sent || (this.wasMoving && !moving);
     const time = this.changed ?? performance.now();
     this.changed = null;
@@ -128,7 +132,10 @@ export class LiveView {
   }
 
   /// Whether the server has got everything that the page shows.
-  get isSent() { return this.changed === null; }
+  get isSent() { return this.changed === null && !this.wire.isWaiting; }
+
+  /// The view in the server's form, or null.
+  message() { return this.view && this.wire.message(this.view); }
 
   /// Starts again on a new connection: nothing has been sent, and pending picks are lost.
   reconnected() {
@@ -139,7 +146,12 @@ export class LiveView {
   }
 
   /// The surface at a pixel: the server's HIT, or null.
-  pick(x, y) {
+  pick(x, y) { return this.pickBy({ x, y }); }
+
+  /// The first surface along a ray.
+  pickAlong(origin, direction) { return this.pickBy({ origin, direction }); }
+
+  pickBy(place) {
     if (!this.flush()) return Promise.resolve(null);
     const pick = ++this.pickCount;
     return new Promise((resolve) => {
@@ -150,7 +162,7 @@ export class LiveView {
         resolve(hit);
       };
       this.picks.set(pick, answer);
-      this.connection.send({ type: 'pick', pick, x, y });
+      this.connection.send({ type: 'pick', pick, ...place });
     });
   }
 

@@ -3,11 +3,14 @@
 import { Activity } from './activity.js';
 import { fitAspect, isOrthographic, opposite } from './camera.js';
 import { Connection } from './connection.js';
+import { Drawers } from './drawers.js';
 import { Flight } from './flight.js';
 import { shown } from './formats.js';
 import { Hint } from './hint.js';
 import { Hud } from './hud.js';
 import { Pointers } from './input.js';
+import { Inside } from './inside.js';
+import { Kept } from './kept/kept.js';
 import { listenToKeys } from './keyboard.js';
 import { Link, removeToken } from './link.js';
 import { LiveView } from './live_view.js';
@@ -16,10 +19,11 @@ import { Overlays } from './overlays.js';
 import { Panel } from './panel.js';
 import { Mark, PickCard } from './pick.js';
 import { Picture } from './picture.js';
+import { Selections } from './parts/selections.js';
 import { Settings } from './settings.js';
 import { Share } from './share.js';
 import { StageSize } from './stage_size.js';
-import { fromWire, ownMembers, toWire } from './view_state.js';
+import { fromWire, ownMembers, toFile } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
@@ -29,19 +33,27 @@ const TOAST_MS = 2500, LETTER_MS = 45;
 removeToken();
 
 const connection = new Connection({ state: connectionState, welcome, message, frame: (frame, done) => picture.take(frame, done) });
-const live = new LiveView(connection, viewChanged, () => link.write());
+const selections = new Selections(connection, () => inside.selectionMade(), (sentence, members) => inside.selectionRefused(sentence, members));
+const live = new LiveView(connection, selections, viewChanged, () => link.write());
+selections.live = live;
+const kept = new Kept(() => inside.keptPanel.show(), tell);
 const picture = new Picture($('picture'), $('owners'), frameDrawn);
 const settings = new Settings(connection, settingChanged);
 const pivot = new Mark($('pivot'), live), marker = new Mark($('marker'), live);
-const navigation = new Navigation(live, (point) => pivot.put(point));
+const navigation = new Navigation(live, (point) => pivot.put(point), () => inside.seenBox());
 const flight = new Flight(live, navigation, flightChanged);
-const link = new Link(live, (view) => replaceView({ ...view, size: live.size }));
+const link = new Link(live, kept, tell, (view) => replaceView({ ...view, size: live.size }));
 const hud = new Hud(live, picture);
 const overlays = new Overlays((state) => (state === 'outdated' ? location.reload() : connection.retry()));
 const activity = new Activity();
 const card = new PickCard(live, marker, tell);
 const share = new Share({ live, connection, picture, link, tell, wholeView, defaults: () => defaults, isExact });
 const panel = new Panel({ live, settings, navigation, flight, picture, share, toggleProjection, showView, showCamera });
+const inside = new Inside({
+  live, navigation, selections, kept, share, card, tell, wholeView, replaceView,
+  defaults: () => defaults, onDrawer: (name) => drawers.changed(name), onCrosshair: () => showCrosshair(),
+});
+const drawers = new Drawers({ panel, activity, ...inside.drawers });
 const hint = new Hint();
 const stageSize = new StageSize($('stage'), (size) => {
   if (live.view && String(size) !== String(live.size)) live.change({ size });
@@ -64,6 +76,7 @@ function welcome(message) {
   link.modes = message.modes.map(({ name }) => name);
   stageSize.share = settings.values.resolution;
   live.scene = scene;
+  selections.reset();
   const size = stageSize.size(), camera = fromWire(message.view.camera);
   link.home = { ...ownMembers(message.view), size, camera: scene.interior ? camera : fitAspect(camera, size) };
   settings.send();
@@ -75,6 +88,7 @@ function welcome(message) {
     card.close();
     flight.stop();
     live.endHolds();
+    inside.sceneChanged(scene.scene_id);
     live.view = isFirst ? link.read(location.hash) : link.home;
     viewChanged();
     document.title = `${shown(scene.name)} – Quarry`;
@@ -82,6 +96,7 @@ function welcome(message) {
     panel.setScene(scene);
     panel.refresh();
   }
+  selections.ask();
   live.reconnected();
   link.write();
 }
@@ -99,7 +114,9 @@ function message(message) {
   }
   if (message.type === 'stats') activity.take(message);
   else if (message.type === 'saved') share.take(message);
+  else if (message.type === 'selection') selections.take(message);
   else if (message.type === 'refused' || message.type === 'notice') tell(message.message);
+  if (message.type === 'refused') inside.refused();
   else if (message.type === 'state') overlays.setServer(message.state, message.message);
 }
 
@@ -107,12 +124,14 @@ function viewChanged() {
   marker.place();
   pivot.place();
   panel.refresh();
+  inside.viewChanged();
   const isFlat = isOrthographic(live.camera);
   $('tool-ortho').setAttribute('aria-pressed', String(isFlat));
 }
 
 function frameDrawn(header) {
   hud.drawn(header);
+  inside.frameDrawn(header);
   panel.refreshPicture();
 }
 
@@ -127,11 +146,13 @@ function settingChanged(name) {
 
 function flightChanged() {
   $('tool-fly').setAttribute('aria-pressed', String(flight.isOn));
-  $('crosshair').hidden = !flight.isOn;
+  showCrosshair();
   $('stage').classList.toggle('flying', flight.isOn);
   if (!flight.isOn && document.pointerLockElement) document.exitPointerLock();
   panel.refresh();
 }
+
+function showCrosshair() { $('crosshair').hidden = !flight.isOn && !inside.isByKeys; }
 
 function tell(sentence) {
   $('toast').textContent = sentence;
@@ -161,45 +182,34 @@ function toggleProjection() {
 const frameAll = () => live.view && navigation.frameAll();
 const goHome = () => live.view && navigation.glideTo(link.home.camera);
 
-/// Opens one drawer and closes the other where both do not fit.
-function setOpen(opened, isOpen) {
-  const isNarrow = matchMedia('(max-width: 720px)').matches;
-  const drawers = { panel, activity };
-  drawers[opened].setOpen(isOpen);
-  if (isOpen && isNarrow) drawers[opened === 'panel' ? 'activity' : 'panel'].setOpen(false);
-  for (const [name, drawer] of Object.entries(drawers)) {
-    $(`tool-${name}`).setAttribute('aria-expanded', String(drawer.isOpen));
-    document.body.classList.toggle(`has-${name}`, drawer.isOpen);
-  }
-}
-const togglePanel = () => setOpen('panel', !panel.isOpen);
-const toggleActivity = () => setOpen('activity', !activity.isOpen);
+const toggles = Object.fromEntries(['panel', 'activity', 'parts', 'section', 'measure', 'kept'].map((name) => [name, () => live.view && drawers.toggle(name)]));
 const showHelp = () => ($('help').open ? $('help').close() : $('help').showModal());
 
 /// Escape ends the innermost thing.
 function escape() {
   if ($('help').open) return;  // the dialog closes itself
-  if (card.isOpen) card.close();
-  else if (flight.isOn) flight.stop();
-  else if (panel.isOpen && matchMedia('(max-width: 720px)').matches) togglePanel();
+  if (inside.escape()) return;
+  if (flight.isOn) flight.stop();
+  else drawers.closeNarrow();
 }
 
 new Pointers($('stage'), live, navigation, flight, {
   drag: () => hint.known(),
-  click: () => navigation.lastPick.then((hit) => card.show(hit)),
+  click: (x, y, event) => inside.click(x, y, event),
   doubleClick: (x, y) => navigation.centre(x, y),
+  hover: (x, y) => inside.hover(x, y),
+  menu: (place) => inside.menu(place),
 });
 listenToKeys(live, navigation, flight, VIEWS, {
-  showView, home: goHome, frame: frameAll, projection: toggleProjection, help: showHelp, escape, panel: togglePanel, activity: toggleActivity,
+  showView, home: goHome, frame: frameAll, projection: toggleProjection, help: showHelp, escape, ...toggles,
+  hide: () => inside.parts.hide(), isolate: () => inside.parts.isolate(), showAll: () => inside.parts.showAll(),
+  undo: () => inside.undo(), redo: () => inside.redo(), clickMiddle: () => inside.clickMiddle(), menuMiddle: () => inside.menuMiddle(),
 });
-const tools = {
-  home: goHome, frame: frameAll, fly: () => flight.toggle(),
-  ortho: toggleProjection, activity: toggleActivity, panel: togglePanel, help: showHelp,
-};
+const tools = { home: goHome, frame: frameAll, fly: () => flight.toggle(), ortho: toggleProjection, help: showHelp, ...toggles };
 for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListener('click', use);
 
 /// The whole view, as `quarry render --view` reads it.
-function wholeView() { return live.view ? { ...defaults, lights: live.lights(defaults.lights), ...toWire(live.view) } : null; }
+function wholeView() { return live.view ? { ...defaults, lights: live.lights(defaults.lights), ...toFile(live.view) } : null; }
 
 /// Whether the picture on the screen is the exact picture of the newest view.
 function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }
@@ -208,7 +218,7 @@ function isExact() { return connection.isOpen && Boolean(picture.header?.exact) 
 window.quarry = {
   state: () => ({
     connection: hud.connection, header: picture.header, input: live.input, framesDrawn: picture.framesDrawn, latency: picture.latency,
-    isExact: isExact(), isFlying: flight.isOn, limits,
+    isExact: isExact(), isFlying: flight.isOn, limits, chosen: inside.parts.chosen.paths, measured: inside.measure.list.map((one) => inside.measure.text(one)),
   }),
   lastExactPng: () => picture.exactPng,
   /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could

@@ -13,9 +13,10 @@ const GLIDE_MS = 280;
 const NEAREST = 1e-7, FARTHEST = 100;
 
 export class Navigation {
-  /// `onPivot(point or null)` runs when a pivot is to be shown or not.
-  constructor(live, onPivot) {
+  /// `onPivot(point or null)` runs when a pivot is to be shown or not. `box()`: of all that is shown, [lower, upper].
+  constructor(live, onPivot, box) {
     this.live = live;
+    this.box = box;
     this.onPivot = onPivot;
     this.pivot = null;  // the point of the last gesture
     this.drag = null;
@@ -195,9 +196,9 @@ export class Navigation {
   }
 
   frameAll() {
-    const { scene, camera, size } = this.live;
+    const { camera, size } = this.live;
     this.pivot = null;
-    this.glideTo(cameras.frameBox(camera, size, scene.lower, scene.upper));
+    this.glideTo(cameras.frameBox(camera, size, ...this.box()));
   }
 
   toggleProjection() {

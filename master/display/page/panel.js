@@ -70,6 +70,7 @@ export class Panel {
   bindPicture() {
     $('mode').addEventListener('change', ({ target }) => this.live.change({ mode: target.value }));
     $('spp').addEventListener('change', ({ target }) => this.live.change({ spp: Number(target.value) }));
+    $('edges').addEventListener('change', ({ target }) => this.live.change({ edges: target.checked }));
     $('exposure-automatic').addEventListener('change', ({ target }) => {
       this.live.change({ exposure: target.checked ? undefined : Number(this.shownExposure().toFixed(2)) });
     });
@@ -120,6 +121,7 @@ export class Panel {
     $('speed-row').hidden = !this.flight.isOn;
     this.showSlider('speed', Math.log2(this.flight.factor), `× ${Number(this.flight.factor.toPrecision(2))}`);
     $('mode').value = view.mode;
+    $('edges').checked = Boolean(view.edges);
     this.refreshSamples(view.spp);
     this.share.refresh();
     this.refreshPicture();

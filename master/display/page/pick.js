@@ -1,6 +1,7 @@
 // The answer to a click: a card with the point's facts, and marks that follow their points in the picture.
 
 import { coordinate, copyText, fillList, shown } from './formats.js';
+import { lengthText, unitName } from './marks/units.js';
 import { project } from './camera.js';
 
 const $ = (id) => document.getElementById(id);
@@ -31,6 +32,7 @@ export class Mark {
 
 export class PickCard {
   constructor(live, mark, tell) {
+    this.live = live;
     this.mark = mark;
     this.hit = null;
     $('pick-close').addEventListener('click', () => this.close());
@@ -41,35 +43,57 @@ export class PickCard {
 
   get isOpen() { return !$('pick').hidden; }
 
-  /// Shows a HIT; null closes the card.
-  show(hit) {
+  /// Shows a HIT; null closes the card. `part`: its part's facts, when they are known.
+  show(hit, part = null) {
     if (!hit) return this.close();
     this.hit = hit;
+    this.part = part;
     this.mark.put(hit.position);
     $('pick-title').textContent = shown(hit.part) || 'A part without a name';
     fillList($('pick-facts'), this.rows());
     $('pick').hidden = false;
   }
 
+  /// Shows a part that was chosen without a point.
+  showPart(part) {
+    this.hit = null;
+    this.part = part;
+    this.mark.put(null);
+    $('pick-title').textContent = shown(part.name) || 'A part without a name';
+    fillList($('pick-facts'), this.rows());
+    $('pick').hidden = false;
+  }
+
   rows() {
-    const { hit } = this;
+    const { hit, part } = this;
     return [
-      ['Material', shown(hit.material) || '–'],
-      ['Position', hit.position.map(coordinate).join(', ')],
-      ['Distance', coordinate(hit.distance)],
-      ['Normal', hit.normal?.map((x) => x.toFixed(3)).join(', ')],
-      ['Triangle', String(hit.triangle)],
-      ['Voxel', String(hit.voxel)],
+      ['Path', part && part.path !== part.name ? shown(part.path) : null],
+      ['Material', hit && (shown(hit.material) || '–')],
+      ['Triangles', part && part.triangles.toLocaleString('en')],
+      ['Size', part?.box ? this.sizeText(part.box) : null],
+      ['Surface', part && part.children === 0 ? (part.closed ? 'closed' : 'open') : null],
+      ...(hit ? [
+        ['Position', hit.position.map(coordinate).join(', ')],
+        ['Distance', coordinate(hit.distance)],
+        ['Normal', hit.normal?.map((x) => x.toFixed(3)).join(', ')],
+        ['Triangle', String(hit.triangle)],
+        ['Voxel', String(hit.voxel)],
+      ] : []),
     ];
   }
 
+  sizeText([lower, upper]) {
+    const sizes = upper.map((x, i) => lengthText(x - lower[i])).join(' × ');
+    return `${sizes}\u00a0${unitName(this.live.scene.unit_in_metres)}`;
+  }
+
   text() {
-    return [['Part', shown(this.hit.part)], ...this.rows()].map(([name, value]) => `${name}: ${value}`).join('\n');
+    return [['Part', shown(this.hit?.part ?? this.part.name)], ...this.rows()].filter(([, value]) => value).map(([name, value]) => `${name}: ${value}`).join('\n');
   }
 
   close() {
     $('pick').hidden = true;
-    this.hit = null;
+    this.hit = this.part = null;
     this.mark.put(null);
   }
 }

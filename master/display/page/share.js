@@ -1,26 +1,14 @@
 // Sharing: links, the view as a file, the command that renders it, and pictures of any size.
 
-import { copyText, element, milliseconds, shown } from './formats.js';
+import { copyText, milliseconds } from './formats.js';
 import { command } from './command.js';
-import { toWire } from './view_state.js';
+import { download, downloadBytes, fileName } from './downloads.js';
 
 const $ = (id) => document.getElementById(id);
 const LOOPBACK = ['localhost', '127.0.0.1', '[::1]'];
 const MOST_SIDE = 65536;
-
-/// A file name that any system accepts.
-const fileName = (name) => shown(name || 'quarry').replace(/[\/\\:*?"<>|\ufffd]+/g, '_').slice(0, 100) || 'quarry';
-
-/// Hands an address to the browser's downloads.
-function download(address, name) {
-  element('a', { href: address, download: name }).click();
-}
-
-function downloadBytes(parts, type, name) {
-  const address = URL.createObjectURL(new Blob(parts, { type }));
-  download(address, name);
-  setTimeout(() => URL.revokeObjectURL(address), 10000);
-}
+const TOO_LONG = 'The view is too long for a link, and this browser has no room to keep it. Save the view instead.';
+const ONLY_HERE = 'It shows this view in this browser only, because the view is too long for a link. Save the view for others.';
 
 export class Share {
   /// `app` has live, connection, picture, link, tell(SENTENCE) and wholeView(): the view with all members.
@@ -51,16 +39,21 @@ export class Share {
   }
 
   copyLink() {
-    return this.copy(this.link.address(), `The link is copied. It opens for people with access; others need “Copy link with access”.${this.reach}`);
+    const address = this.link.address();
+    if (!address) return this.tell(TOO_LONG);
+    if (this.link.isKept(address)) return this.copy(address, `The link is copied. ${ONLY_HERE}`);
+    return this.copy(address, `The link is copied. It opens for people with access; others need “Copy link with access”.${this.reach}`);
   }
 
   /// The link with the token: it gives access to anybody.
   async copyAccess() {
     const token = await this.token();
     if (!token) return this.tell('The server did not send the token. Copy the address that “quarry view” printed.');
-    const address = new URL(this.link.address());
+    const own = this.link.address();
+    if (!own) return this.tell(TOO_LONG);
+    const address = new URL(own);
     address.searchParams.set('token', token);
-    return this.copy(address.href, `The link is copied. Anybody with this link can see the model.${this.reach}`);
+    return this.copy(address.href, `The link is copied. Anybody with this link can see the model.${this.link.isKept(own) ? ` ${ONLY_HERE}` : this.reach}`);
   }
 
   async token() {
@@ -107,8 +100,8 @@ export class Share {
     if (!view || this.isSaving) return;
     const png = this.isExact() && String(view.size) === String(this.live.size) && this.picture.exactPng;
     if (png) return downloadBytes([png], 'image/png', `${this.name}.png`);
-    const own = { ...toWire(this.live.view), size: view.size };
-    if (!this.connection.send({ type: 'save', save: ++this.saves, view: own })) return this.tell('There is no connection now.');
+    const own = this.live.message();
+    if (!own || !this.connection.send({ type: 'save', save: ++this.saves, view: { ...own, size: view.size } })) return this.tell('There is no connection now.');
     this.isSaving = true;
     this.beganAt = performance.now();
     this.showProgress(0);

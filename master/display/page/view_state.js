@@ -2,17 +2,23 @@
 //
 // In the page a view's camera always has `fov`, and also `ortho` while it is orthographic. In messages it has one of
 // them. A fragment names the members that differ from the default:
-// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y
+// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y&edges=yes
+// The members "hide", "only", "colors" and "section" stand there as JSON.
 
 import { cross, distance, length, subtract } from './vectors.js';
 
+import { sectionOf } from './section/cut.js';
+import { partsOf } from './parts/shown_parts.js';
+
 const DEFAULT_FOV = 45;
+/// Members by which a view looks inside the model.
+export const INSIDE = ['hide', 'only', 'colors', 'section'];
 const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
 /// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
 /// uses its own values for missing members, and a scene's lights could be longer than a message.
-export function ownMembers({ mode, spp, exposure, background, up_axis }) {
-  return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis }).filter(([, value]) => value !== undefined));
+export function ownMembers({ mode, spp, exposure, background, up_axis, edges }) {
+  return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis, edges }).filter(([, value]) => value !== undefined));
 }
 
 /// The page's form of a camera from a message.
@@ -20,10 +26,23 @@ export function fromWire(camera) {
   return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
 }
 
-/// The view in the server's form.
-export function toWire(view) {
+/// The view in the form of `quarry render --view`.
+export function toFile(view) {
   const { fov, ortho, ...place } = view.camera;
   return { ...view, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };
+}
+
+/// The view in the server's form, without its lists of parts: the server knows them as a selection.
+export function toWire(view) {
+  const { hide, only, colors, ...rest } = toFile(view);
+  return rest;
+}
+
+/// A view from a file or a link: of its lists of parts and its section, the valid ones. `dropped`: names of the others.
+export function checkedInside(view) {
+  const own = { ...view, hide: undefined, only: undefined, colors: undefined, ...partsOf(view), section: sectionOf(view.section) };
+  const dropped = INSIDE.filter((name) => view[name] !== undefined && own[name] === undefined && !(name !== 'only' && Array.isArray(view[name]) && view[name].length === 0));
+  return { view: Object.fromEntries(Object.entries(own).filter(([, value]) => value !== undefined)), dropped };
 }
 
 /// Whether a camera is valid.
@@ -37,6 +56,14 @@ export function isSane(camera) {
 function numbers(text, count, least = -Infinity) {
   const list = (text ?? '').split(',').map((part) => (part.trim() === '' ? NaN : Number(part)));
   return list.length === count && list.every((x) => Number.isFinite(x) && x >= least) ? list : null;
+}
+
+function parsed(text) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    return undefined;
+  }
 }
 
 /// Applies a fragment to the default view. Invalid members of a fragment are ignored. `modes`: names of the server's
@@ -59,7 +86,9 @@ export function fromFragment(fragment, defaults, modes) {
   else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;
   if (['y', 'z'].includes(given.get('axis'))) view.up_axis = given.get('axis');
   view.background = numbers(given.get('bg'), 3, 0) ?? view.background;
-  return view;
+  if (['yes', 'no'].includes(given.get('edges'))) view.edges = given.get('edges') === 'yes';
+  for (const name of INSIDE) if (given.has(name)) view[name] = parsed(given.get(name));
+  return checkedInside(view).view;
 }
 
 /// The fragment of a view, with "#"; empty for the default view.
@@ -80,6 +109,8 @@ export function toFragment(view, defaults) {
   put('ev', view.exposure ?? 'auto', defaults.exposure ?? 'auto');
   put('axis', view.up_axis ?? '', defaults.up_axis ?? '');
   put('bg', view.background ?? '', defaults.background ?? '');
+  if (Boolean(view.edges) !== Boolean(defaults.edges)) put('edges', view.edges ? 'yes' : 'no', '');
+  for (const name of INSIDE) if (view[name]) put(name, JSON.stringify(view[name]), '');
   return parts.length ? '#' + parts.join('&') : '';
 }
 

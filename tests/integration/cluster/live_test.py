@@ -85,7 +85,7 @@ class Live(Case):
         url = self.start(self.store("plant", 20000), "--view-memory", "20M")
         good = self.client(url)
         view = self.view(good)
-        bad = ["{", "[]", '{"type":"view"}', '{"type":"nothing"}', '{"type":"ack","frame":-1}', '{"type":"pick","pick":1,"x":"a","y":0}',
+        bad = ["{", "[]", '{"type":"view"}', '{"type":"nothing"}', '{"type":"ack","frame":-1}', '{"type":"pick","pick":1,"origin":[0,0,0],"direction":[0,0,0]}',
                json.dumps({"type": "settings", "frame_rate": 1e9}), "[" * 1000, '{"type":"ack","frame":1,"frame":2,"more":3}',
                '{"type":"pick","pick":1,"x":1,"y":1}']  # before any view
         bad += [json.dumps({"type": "view", "input": 1, "time": 0, "moving": False, "view": {**view, **change}})
@@ -190,6 +190,18 @@ class Live(Case):
             for got, face in zip(hit["normal"], (-1 / length, 0, 64 / length)):
                 self.assertAlmostEqual(got, face, delta=1e-12)
             self.assertAlmostEqual(hit["distance"], math.dist(hit["position"], [1000, 1000, 30000]), delta=0.01)
+            self.assertEqual(sorted(hit["corners"]), sorted(map(list, corners)))
+            self.assertEqual(hit["part_id"], 0)
+        # Along a ray of its own, from below.
+        client.send({"type": "pick", "pick": 50, "origin": [640, 100, -30], "direction": [0, 0, 2]})
+        hit = client.until("picked")["hit"]
+        self.assertEqual((hit["position"], hit["distance"]), ([640, 100, 10], 40))
+        self.assertLess(hit["normal"][2], 0)
+        client.send({"type": "pick", "pick": 51, "origin": [640, 100, 30], "direction": [0, 0, 1]})
+        self.assertIsNone(client.until("picked")["hit"])
+        for place in ({"origin": [0, 0, 0]}, {"x": "a", "y": 0}):
+            client.send({"type": "pick", "pick": 52, **place})
+            self.assertIn("the browser's message", client.until("refused")["message"])
         for pick in range(100, 140):
             client.send({"type": "pick", "pick": pick, "x": pick, "y": pick})
         answered = {}

@@ -85,6 +85,23 @@ class Pictures(Case):
         self.must_fail(2, r"--view is one of iso, .*, not 'above'", "quarry", "render", scene, "-o", self.path("d.png"), "--view", "above")
         self.assertFalse((self.folder / "d.png").exists())
 
+    def test_a_camera_path_may_hold_the_look_of_its_frames(self):
+        scene = self.store("city", 20000)
+        picture = self.render("a.png", scene, "--mode", "whitted", "--sun", "1,2,3", "--exposure", "0.5", "--write-view", self.path("v.json"))
+        view = json.loads(pathlib.Path(self.path("v.json")).read_text())
+        other = {**view["camera"], "eye": view["camera"]["at"], "at": view["camera"]["eye"]}
+        walk = {"view": {**view, "camera": other}, "frames": [view["camera"], other]}
+        pathlib.Path(self.path("walk.json")).write_text(json.dumps(walk))
+        command = ["quarry", "render", scene, "-o", self.path("w.png"), "--quiet", "--camera-path", self.path("walk.json")]
+        self.must(*command)
+        self.assertEqual((self.folder / "w.0000.png").read_bytes(), picture)
+        self.assertNotEqual((self.folder / "w.0001.png").read_bytes(), picture)
+        self.must(*command, "--force", "--frames", 0, "--spp", 2, "--size", "64x48")
+        self.assertEqual(png(self.path("w.0000.png"))[0]["Samples"], "2 a pixel")
+        for view in ({"mode": "none"}, [], {"unknown": 1}):
+            pathlib.Path(self.path("walk.json")).write_text(json.dumps({**walk, "view": view}))
+            self.must_fail(1, r"walk\.json: view", *command, "--force")
+
     def test_a_turntable_goes_around_the_model(self):
         scene = self.store("city", 5000)
         self.must("quarry", "render", scene, "-o", self.path("t.png"), "--quiet", "--turntable", 4, "--size", "64x48")
