@@ -5,7 +5,7 @@
 #include <span>
 
 #include "common/base/status.h"
-#include "common/scene/part_selection.h"
+#include "common/scene/shown/part_selection.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {

@@ -52,12 +52,12 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
   film_.Open(*view, tile);
   eye_rays_.Open(view->view, view->camera, tile);
   leaves_holes_ = tile.leaves_holes;
-  Begin(std::move(view));
+  view_ = std::move(view);
   if (!film_.edges().any()) return BeginPass(eye_rays_, *view_->integrator);
   static const EdgeSurfaces kEdges;
   edge_rays_.Open(view_->view, view_->camera, tile);
   BeginPass(edge_rays_, kEdges);
-  if (done()) BeginPixels();
+  BeginPixelsAfterEdges();
 }
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
@@ -65,15 +65,8 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
   film_.OpenHits(part.count);
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;
-  Begin(std::move(view));
-  BeginPass(ray_list_, *view_->integrator);
-}
-
-void TileRenderer::Begin(std::shared_ptr<const ViewContext> view) {
   view_ = std::move(view);
-  reader_ = 0;
-  touched_.clear();
-  batch_.Open(0);
+  BeginPass(ray_list_, *view_->integrator);
 }
 
 /// Begins the samples of a source. Requires: no sample is under way.
@@ -86,7 +79,7 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
   const auto packets = static_cast<uint32_t>(
       std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
-  batch_.Resize(packets);
+  batch_.Open(packets);
   samples_.resize(packets);
   Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
@@ -97,8 +90,9 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   }
 }
 
-/// After the rays that find edges: the samples of pixels.
-void TileRenderer::BeginPixels() {
+/// Begins the samples of pixels once the rays that find edges have ended.
+void TileRenderer::BeginPixelsAfterEdges() {
+  if (source_ != &edge_rays_ || !done()) return;
   film_.edges().Finish();
   BeginPass(eye_rays_, *view_->integrator);
 }
@@ -173,7 +167,7 @@ void TileRenderer::Round(PinnedBlocks& pins) {
     PacketWork work = WorkOn(p, &pins);
     Start(work);
   }
-  if (source_ == &edge_rays_ && done()) BeginPixels();
+  BeginPixelsAfterEdges();
 }
 
 /// Advances the packet's ready samples stage by stage, until each has a ray to trace, waits for a block, or
@@ -268,12 +262,6 @@ void TileRenderer::TakeNext(PacketWork& work, uint64_t lanes) {
   unfinished_[work.number] &= ~(lanes & ~begun);
 }
 
-/// Removes repetitions.
-void TileRenderer::TidyTouched() {
-  std::ranges::sort(touched_);
-  touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
-}
-
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return source_->memory_bytes() + batch_.memory_bytes() + bytes(samples_) + bytes(lookups_) + bytes(cuts_) +
@@ -281,12 +269,14 @@ size_t TileRenderer::memory_bytes() const {
 }
 
 RenderedTile TileRenderer::Take() {
-  TidyTouched();
+  RemoveRepetitions(touched_);
   RenderedTile result;
   film_.Take(*view_, result);
   result.blocks = std::exchange(touched_, {});
-  result.rays = batch_.rays();
-  result.rays_suspended = batch_.suspended();
+  const RayBatch::Counts counts = batch_.TakeCounts();
+  result.rays = counts.rays;
+  result.rays_suspended = counts.suspended;
+  reader_ = 0;
   return result;
 }
 

@@ -15,6 +15,12 @@
 
 namespace quarry {
 
+/// Sorts blocks and removes repetitions.
+inline void RemoveRepetitions(std::vector<BlockKey>& blocks) {
+  std::ranges::sort(blocks);
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+}
+
 /// Renders one tile, or traces one part of a list of rays, at a time and never blocks. Samples go in packets
 /// of 64. A source gives them their first rays, the batch traces these, surfaces are made of their hits, an
 /// integrator finds their light and the rays that go on, and the film keeps the result. All rays of a packet
@@ -35,7 +41,7 @@ class TileRenderer {
     if (reader_ == 0) reader_ = pins.NewReader();
     pins.LogTo(touched_, reader_);
     Round(pins);
-    if (touched_.size() > kMostTouched) TidyTouched();
+    if (touched_.size() > kMostTouched) RemoveRepetitions(touched_);
     batch_.ReportParked(want);
   }
   /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
@@ -63,9 +69,8 @@ class TileRenderer {
   /// Length of touched_ at which repetitions are removed; 128 KiB.
   static constexpr size_t kMostTouched = 1u << 14;
 
-  void Begin(std::shared_ptr<const ViewContext> view);
   void BeginPass(RaySource& source, const Integrator& integrator);
-  void BeginPixels();
+  void BeginPixelsAfterEdges();
   PacketWork WorkOn(uint32_t packet, PinnedBlocks* pins);
   void Start(PacketWork& work);
   void LeaveHoles(uint32_t packet);
@@ -77,7 +82,6 @@ class TileRenderer {
   void Miss(PacketWork& work, uint32_t lane);
   void Shade(PacketWork& work, uint64_t lanes);
   void TakeNext(PacketWork& work, uint64_t lanes);
-  void TidyTouched();
 
   std::shared_ptr<const ViewContext> view_;
   const Integrator* integrator_ = nullptr;

@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "common/base/status.h"
-#include "common/scene/part_selection.h"
-#include "common/scene/section_cut.h"
+#include "common/scene/shown/part_selection.h"
+#include "common/scene/shown/section_cut.h"
 #include "messages_generated.h"
 
 // The tables of views that hide parts or cut the model, for encoders and decoders of messages alone.

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "common/base/status.h"
-#include "common/scene/part_selection.h"
 #include "common/scene/render_mode.h"
-#include "common/scene/section_cut.h"
+#include "common/scene/shown/part_selection.h"
+#include "common/scene/shown/section_cut.h"
 
 namespace quarry {
 

@@ -65,8 +65,10 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--ao-samples", a.ao_samples, "Occlusion rays per sample")
       ->check(WholeNumber(1, kMaxAoSamples))
       ->capture_default_str();
-  c.add_flag("--edges,!--no-edges", a.edges,
-             "Thin dark lines where parts or normals meet (default: in ao, of models without colours)");
+  c.add_flag(
+      "--edges,!--no-edges", a.edges,
+      "Thin dark lines where parts or normals meet; --no-edges: none (default: in ao, of models without "
+      "colours)");
   c.add_option("--sun", a.sun, "Direction toward the sun: x,y,z");
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
   c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/engine/surfaces/section_clip.h"
 #include "common/scene/camera.h"
 #include "common/voxel/block_decoder.h"
 
@@ -21,6 +22,7 @@ struct PickedSurface {
   glm::dvec3 point{};   ///< scene units
   glm::dvec3 normal{};  ///< of the face, toward the ray's origin
   std::array<glm::dvec3, 3> corners{};
+  bool cap = false;  ///< the cut through a closed part, in front of the triangle
   uint32_t material = 0, part = 0;
 };
 
@@ -40,8 +42,24 @@ Result<PickedSurface> FindSurface(const Catalog& catalog, const RayDone& hit, co
   return PickedSurface{ray.origin + along * ray.direction,
                        (slope > 0 ? -across : across) / length,
                        {a, b, c},
+                       false,
                        hot.materials[hit.local],
                        hot.part(hit.local)};
+}
+
+/// Moves a surface to the cut before it, where the view draws a cap.
+void PutCap(const View& view, const SceneMeta& meta, const RayQuery& ray, PickedSurface& surface) {
+  const PartSelection* parts = view.parts.selection.get();
+  if (view.section.empty() || !view.section.caps || !parts || !HasPart(parts->closed, surface.part)) return;
+  const auto& [a, b, c] = surface.corners;
+  const bool entering = glm::dot(glm::cross(b - a, c - a), ray.direction) < 0;
+  if (entering != HasPart(parts->inverted, surface.part)) return;
+  const SectionClip clip(view.section, meta);
+  const SectionClip::Entry entry = clip.EntryOf(ray.origin, ray.direction);
+  if (!(entry.t > 0)) return;
+  surface.point = ray.origin + entry.t * ray.direction;
+  surface.normal = clip.normal(entry.plane);
+  surface.cap = true;
 }
 
 ordered_json Vector(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
@@ -51,10 +69,13 @@ ordered_json Describe(const PickedSurface& surface, double distance, const RayDo
   const bool known = surface.part < parts.size();
   const glm::dvec3& offset = scene.catalog().meta.offset;
   const auto& [a, b, c] = surface.corners;
+  ordered_json corners;  // of a cap none: its triangle is not seen
+  if (!surface.cap) corners = {Vector(a + offset), Vector(b + offset), Vector(c + offset)};
   return {{"position", Vector(surface.point + offset)},
           {"distance", distance},
           {"normal", Vector(surface.normal)},
-          {"corners", {Vector(a + offset), Vector(b + offset), Vector(c + offset)}},
+          {"corners", std::move(corners)},
+          {"cap", surface.cap},
           {"part_id", surface.part},
           {"part", known ? parts.name(surface.part) : ""},
           {"part_path", known ? parts.Path(surface.part) : ""},
@@ -86,10 +107,11 @@ void Picker::Ask(const PickMessage& pick, const View& view) {
   if (!CheckRay(ray))
     return (*answer_)(AnswerText(pick.pick, nullptr));  // so far away that nothing is visible
   const glm::dvec3 from = pick.ray ? ray.origin : view.camera.eye;
-  const uint32_t number = rays_.Ask(ray, view, [this, number = pick.pick, ray, from](const RayDone& hit) {
-    asked_.erase(hit.ray);
-    OnHit(number, ray, from, hit);
-  });
+  const uint32_t number =
+      rays_.Ask(ray, view, [this, number = pick.pick, ray, from, view](const RayDone& hit) {
+        asked_.erase(hit.ray);
+        OnHit(number, ray, from, view, hit);
+      });
   asked_.emplace(number, pick.pick);
 }
 
@@ -103,16 +125,18 @@ RayQuery Picker::RayOf(const PickMessage& pick, const View& view) const {
   return camera.Query(place(pick.x, view.width) + 0.5, place(pick.y, view.height) + 0.5);
 }
 
-void Picker::OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const RayDone& hit) {
+void Picker::OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const View& view,
+                   const RayDone& hit) {
   if (hit.triangle == kNoIndex || hit.voxel >= scene_.catalog().voxels.size())
     return (*answer_)(AnswerText(pick, nullptr));
-  source_.Fetch(BlockKey::Hot(hit.voxel), [&scene = scene_, &selections = selections_, pick, ray, eye, hit,
-                                           weak = std::weak_ptr(answer_)](const Result<Bytes>& stored) {
+  source_.Fetch(BlockKey::Hot(hit.voxel), [&scene = scene_, &selections = selections_, pick, ray, eye, view,
+                                           hit, weak = std::weak_ptr(answer_)](const Result<Bytes>& stored) {
     const auto answer = weak.lock();
     if (!answer) return;
-    const auto surface =
+    auto surface =
         stored.and_then([&](const Bytes& bytes) { return FindSurface(scene.catalog(), hit, ray, bytes); });
     if (!surface) return (*answer)(AnswerText(pick, nullptr, "error", surface.error().message));
+    PutCap(view, scene.catalog().meta, ray, *surface);
     const auto parts = selections.Parts();
     if (!parts) return (*answer)(AnswerText(pick, nullptr, "error", parts.error().message));
     const double distance = glm::dot(surface->point - eye, ray.direction);

@@ -41,7 +41,7 @@ class Picker {
  private:
   using Answer = std::function<void(std::string)>;
   RayQuery RayOf(const PickMessage& pick, const View& view) const;
-  void OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const RayDone& hit);
+  void OnHit(uint64_t pick, const RayQuery& ray, const glm::dvec3& eye, const View& view, const RayDone& hit);
 
   RayDispatcher& rays_;
   const Scene& scene_;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/engine/blocks/voxel_cache.h"
-#include "common/scene/part_selection.h"
+#include "common/scene/shown/part_selection.h"
 
 namespace quarry {
 

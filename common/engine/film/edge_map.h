@@ -4,7 +4,7 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "common/scene/edge_grid.h"
+#include "common/engine/edge_grid.h"
 
 namespace quarry {
 

@@ -8,7 +8,7 @@ void RayBatch::Park(uint32_t packet, uint32_t lane, BlockKey block) {
   Parked& parked = newly_parked_[block];
   ++parked.rays;
   parked.octants |= OctantBit(rays.direction[0][lane], rays.direction[1][lane], rays.direction[2][lane]);
-  ++suspended_;
+  ++counts_.suspended;
 }
 
 void RayBatch::Resume(BlockKey block) {

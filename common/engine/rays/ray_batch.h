@@ -27,19 +27,18 @@ class RayBatch {
   };
 
   /// Begins with `packets` packets, none of whose rays is ready, and reuses memory.
-  void Open(uint32_t packets) {
-    packets_.resize(packets);
-    rays_ = suspended_ = 0;
-  }
-  /// Changes the number of packets, none of whose rays is under way.
-  void Resize(uint32_t packets) { packets_.resize(packets); }
+  void Open(uint32_t packets) { packets_.resize(packets); }
   uint32_t size() const { return static_cast<uint32_t>(packets_.size()); }
   RayPacket& operator[](uint32_t packet) { return packets_[packet]; }
 
   /// Notes that `count` rays begin.
-  void Began(int count) { rays_ += static_cast<uint64_t>(count); }
-  uint64_t rays() const { return rays_; }            ///< that have begun
-  uint64_t suspended() const { return suspended_; }  ///< times that a ray has waited
+  void Began(int count) { counts_.rays += static_cast<uint64_t>(count); }
+  struct Counts {
+    uint64_t rays = 0;       ///< that have begun
+    uint64_t suspended = 0;  ///< times that a ray has waited
+  };
+  /// The counts since the last call.
+  Counts TakeCounts() { return std::exchange(counts_, {}); }
 
   /// Rays that can go on.
   void MakeReady(uint32_t packet, uint64_t lanes) { ready_[packet] |= lanes; }
@@ -96,7 +95,7 @@ class RayBatch {
   uint64_t nearest_[kPackets] = {}, any_[kPackets] = {};
   std::unordered_map<BlockKey, std::vector<uint32_t>> parked_;  ///< packet * 64 + lane
   std::unordered_map<BlockKey, Parked> newly_parked_;
-  uint64_t rays_ = 0, suspended_ = 0;
+  Counts counts_;
 };
 
 }  // namespace quarry

@@ -2,9 +2,9 @@
 
 #include <cstdint>
 
+#include "common/engine/edge_grid.h"
 #include "common/engine/sources/ray_source.h"
 #include "common/scene/camera.h"
-#include "common/scene/edge_grid.h"
 #include "common/scene/view.h"
 
 namespace quarry {

@@ -39,10 +39,9 @@ KeptRange SectionClip::RangesOf(const RayPacket& rays) const {
       const double toward = n.x * static_cast<double>(rays.direction[0][i]) +
                             n.y * static_cast<double>(rays.direction[1][i]) +
                             n.z * static_cast<double>(rays.direction[2][i]);
-      const double inside =
-          distance -
-          (n.x * static_cast<double>(rays.origin[0][i]) + n.y * static_cast<double>(rays.origin[1][i]) +
-           n.z * static_cast<double>(rays.origin[2][i]));
+      const double inside = distance - (n.x * static_cast<double>(rays.origin[0][i]) +
+                                        n.y * static_cast<double>(rays.origin[1][i]) +
+                                        n.z * static_cast<double>(rays.origin[2][i]));
       const double t = inside / toward;
       const bool enters = toward < 0 && t > begin[i];
       begin[i] = enters ? t : begin[i];
@@ -56,6 +55,16 @@ KeptRange SectionClip::RangesOf(const RayPacket& rays) const {
     kept.end[i] = static_cast<float>(end[i]);
   }
   return kept;
+}
+
+SectionClip::Entry SectionClip::EntryOf(const glm::dvec3& origin, const glm::dvec3& direction) const {
+  Entry entry;
+  for (size_t p = 0; p < planes_.size(); ++p) {
+    const double toward = glm::dot(planes_[p].normal, direction);
+    const double t = (planes_[p].distance - glm::dot(planes_[p].normal, origin)) / toward;
+    if (toward < 0 && t > entry.t) entry = {t, static_cast<uint8_t>(p)};
+  }
+  return entry;
 }
 
 void SectionClip::Cut(RayPacket& rays, uint64_t lanes) const {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/kdtree/ray_packet.h"
-#include "common/scene/section_cut.h"
+#include "common/scene/shown/section_cut.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {
@@ -31,6 +31,13 @@ class SectionClip {
   const glm::vec3& normal(uint8_t plane) const { return planes_[plane].shown; }
 
   KeptRange RangesOf(const RayPacket& rays) const;
+  /// Where one ray enters the section, and by which plane; 0 for a ray that begins in it. For picks: pixels
+  /// are decided by RangesOf().
+  struct Entry {
+    double t = 0;
+    uint8_t plane = 0;
+  };
+  Entry EntryOf(const glm::dvec3& origin, const glm::dvec3& direction) const;
   /// Cuts the rays of `lanes`. Rays that were cut before, or go on after a hit, are not changed twice.
   void Cut(RayPacket& rays, uint64_t lanes) const;
 

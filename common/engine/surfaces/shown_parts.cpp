@@ -59,8 +59,7 @@ bool FitsScene(const PartSelection& selection, const Catalog& catalog) {
   const bool colors = std::ranges::all_of(selection.color_of,
                                           [&](uint16_t color) { return color <= selection.colors.size(); });
   return colors && selection.hides() != selection.voxels.empty() &&
-         fits(selection.voxels, catalog.voxels.size()) &&
-         fits(selection.inverted, selection.closed.size());
+         fits(selection.voxels, catalog.voxels.size()) && fits(selection.inverted, selection.closed.size());
 }
 
 }  // namespace quarry

@@ -4,7 +4,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/scene/part_selection.h"
+#include "common/scene/shown/part_selection.h"
 #include "common/voxel/catalog.h"
 
 namespace quarry {

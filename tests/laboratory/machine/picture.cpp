@@ -40,7 +40,7 @@ Result<View> MakeView(const LaboratoryScene& scene, Renderer renderer, const Cam
   view.backdrop = false;
   view.camera = camera;
   const SceneMeta& meta = scene.catalog().meta;
-  SceneSummary summary{"", meta.offset, scene.views(), {}};
+  SceneSummary summary{"", meta.offset, false, scene.views(), {}};
   summary.framing.up_axis = meta.up_axis;
   view.lights = DefaultLights(summary);
   QUARRY_TRY(NormalizeView(view));

@@ -194,6 +194,35 @@ TEST_CASE("Messages that cannot be read are answered, and a flood of them discon
   CHECK(socket.texts.back().at("type") == "error");
 }
 
+TEST_CASE("A viewer's lists of parts are resolved once, and views name them by the answer's id",
+          "[live][parts]") {
+  Watching w;
+  const auto last = [&] { return w.socket->texts.back(); };
+  w.Say({{"type", "select"}, {"hide", {"nothing"}}});
+  CHECK(last()["type"] == "selection");
+  CHECK_THAT(last()["error"].get<std::string>(),
+             Catch::Contains("no part is named `nothing`; the nearest is `part`"));
+  w.Say({{"type", "select"}, {"colors", {{{"parts", {"p*"}}, {"color", {1, 0, 0}}}}}});
+  REQUIRE(last().contains("id"));
+  CHECK(last()["hidden"] == 0);
+  const std::string id = last()["id"];
+  const auto view = [&](const std::string& selection) {
+    json message = {{"type", "view"}, {"input", 1}, {"time", 0}, {"moving", false}, {"view", json::object()}};
+    message["view"] = {{"size", {64, 48}}, {"selection", selection}};
+    w.Say(message);
+  };
+  const size_t texts = w.socket->texts.size();
+  view(id);
+  CHECK(w.socket->texts.size() == texts);  // nothing is refused
+  view("00000000000000aa");
+  CHECK((last()["type"] == "selection" && last()["unknown"] == "00000000000000aa"));
+  view("xyz");
+  CHECK_THAT(last()["message"].get<std::string>(), Catch::Contains("must be an id in hexadecimal digits"));
+  w.Say({{"type", "select"}});
+  CHECK((last()["id"] == "" && last()["hidden"] == 0));
+  CHECK(w.why.empty());
+}
+
 TEST_CASE("A pick is answered whatever hit a worker reports; no ray is traced for a viewer that is gone",
           "[live]") {
   Watching watching;

@@ -1,4 +1,4 @@
-#include "common/scene/edge_grid.h"
+#include "common/engine/edge_grid.h"
 
 namespace quarry {
 

@@ -1,4 +1,4 @@
-#include "common/scene/part_selection.h"
+#include "common/scene/shown/part_selection.h"
 
 #include <span>
 

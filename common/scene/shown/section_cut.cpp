@@ -1,4 +1,4 @@
-#include "common/scene/section_cut.h"
+#include "common/scene/shown/section_cut.h"
 
 #include <fmt/format.h>
 
