@@ -23,12 +23,12 @@ function model() {
     for (const face of faces) lines.push(`f ${face.split(' ').map(n => Number(n) + vertices).join(' ')}`);
     vertices += 8;
   };
-  box('floor', '', [-10, -10, -1], [20, 20, 0]);
+  box('floor', '', [-1, -1, -1], [11, 9, 0]);
   for (const [group, lower, upper] of [['west wall', [0, 0, 0], [0.5, 8, 6]], ['east wall', [7.5, 0, 0], [8, 8, 6]], ['south wall', [0.5, 0, 0], [7.5, 0.5, 6]],
     ['north wall', [0.5, 7.5, 0], [7.5, 8, 6]], ['lid', [0, 0, 6], [8, 8, 6.5]], ['valve', [3, 3, 1], [5, 5, 3]]]) box('vessel', group, lower, upper);
   for (let i = 0; i < BOLTS; ++i) {
-    const x = 10 + (i % 60) * 0.15, y = -5 + Math.floor(i / 60) * 0.3;
-    box('bolts', `bolt ${i}`, [x, y, 0], [x + 0.1, y + 0.1, 0.2]);
+    const x = 8.5 + (i % 20) * 0.12, y = -0.9 + Math.floor(i / 20) * 0.065;
+    box('bolts', `bolt ${i}`, [x, y, 0], [x + 0.1, y + 0.05, 0.2]);
   }
   return lines.join('\n') + '\n';
 }
@@ -40,12 +40,12 @@ async function checkExact() {
   return view;
 }
 
-/** Looks straight down at the lid, so that places in the picture are known: 50 pixels for a unit around (4, 4). */
-async function lookDown() {
-  await page.evaluate(() => window.quarry.setView({ camera: { eye: [4, 4, 30], at: [4, 4, 0], up: [0, 1, 0], ortho: 14 } }));
+/** Looks straight down at the lid, so that places in the picture are known: 50 pixels for a unit around (4, 4). `hide`: paths. */
+async function lookDown(hide = []) {
+  await page.evaluate(list => window.quarry.setView({ hide: list, camera: { eye: [4, 4, 30], at: [4, 4, 0], up: [0, 1, 0], ortho: 16 } }), hide);
   await untilExact(page);
 }
-const at = (x, y) => [500 + 50 * (x - 4), 350 - 50 * (y - 4)];
+const at = (x, y) => [700 + 50 * (x - 4), 400 - 50 * (y - 4)];
 
 async function downloadOf(button) {
   const [saved] = await Promise.all([page.waitForEvent('download', { timeout: 60000 }), page.click(button)]);
@@ -59,7 +59,7 @@ before(async () => {
   await cluster.beginWith('vessel.obj', model());
   for (let i = 0; i < 2; ++i) cluster.addWorker();
   browser = await launch();
-  page = await open(cluster.url, { viewport: { width: 1000, height: 700 }, permissions: ['clipboard-read', 'clipboard-write'] });
+  page = await open(cluster.url, { viewport: { width: 1400, height: 800 }, permissions: ['clipboard-read', 'clipboard-write'] });
   await untilExact(page);
 });
 
@@ -149,8 +149,12 @@ test('a click in the picture chooses a part and shows it in the tree; H hides it
 
 test('only the chosen parts, colours, dimmed others; the frame key shows what is left', async () => {
   await page.mouse.click(...at(0.2, 4));
-  await page.mouse.click(...at(12, 2), { modifiers: ['Control'] });
-  await page.waitForFunction(() => window.quarry.state().chosen.length === 2);
+  for (const key of ['Control', 'Shift']) {
+    await page.keyboard.down(key);
+    await page.mouse.click(...(key === 'Control' ? at(10, 8.9) : at(9.05, -0.1)));
+    await page.keyboard.up(key);
+  }
+  await page.waitForFunction(() => window.quarry.state().chosen.length === 3);
   await page.keyboard.press('Escape');
   await page.fill('#parts-search', 'valve');
   await page.waitForFunction(() => document.getElementById('parts-count').textContent === '1 part');
@@ -210,22 +214,21 @@ test('measurements take corners exactly, and follow a normal to the next surface
   }
   await page.waitForFunction(() => window.quarry.state().measured.length === 2);
   assert.equal((await state()).measured[1], 'Angle: 90.00°');
-  // From the valve's upper side to the lid, by a section below the lid.
-  await page.mouse.click(...at(4, 6));
-  await page.keyboard.press('Escape');
-  await page.evaluate(() => window.quarry.setView({ ...window.quarry.view(), hide: ['vessel/south wall', 'floor'],
-    camera: { eye: [4, -30, 2], at: [4, 4, 2], up: [0, 0, 1], ortho: 14 } }));
+  // From the floor between the walls to the lid's lower side.
+  await page.evaluate(() => window.quarry.setView({ ...window.quarry.view(), hide: ['vessel/lid'] }));
   await untilExact(page);
   await page.check('#measure-kinds input[value=normal]');
-  await page.mouse.click(500, 350);
-  await page.waitForFunction(() => window.quarry.state().measured.length === 3 || /no other surface/.test(document.getElementById('toast').innerText));
-  assert.match(await toast(), /no other surface/);
-  await page.evaluate(() => window.quarry.setView({ ...window.quarry.view(), hide: ['vessel/lid'], camera: { eye: [4, 4, 30], at: [4, 4, 0], up: [0, 1, 0], ortho: 14 } }));
-  await untilExact(page);
   await page.mouse.click(...at(2, 4));
   await page.waitForFunction(() => /no other surface/.test(document.getElementById('toast').innerText));
+  await page.evaluate(() => window.quarry.setView({ ...window.quarry.view(), hide: ['vessel/west wall'],
+    camera: { eye: [-30, 4, 8], at: [1.5, 4, 0], up: [0, 0, 1], ortho: 16 } }));
+  await untilExact(page);
+  await page.mouse.click(700, 400);
+  await page.waitForFunction(() => window.quarry.state().measured.length === 3);
+  assert.equal((await state()).measured[2], 'From a face: 6\u00a0units (x 0, y 0, z 6)');
   await shoot(page, 'inside-measured');
   await page.keyboard.press('m');
+  await lookDown(['vessel/lid']);
 });
 
 test('views and notes are kept, saved as a file, and opened again', async () => {
@@ -259,7 +262,7 @@ test('a path through kept views is played, and rendered by --camera-path', async
   await page.fill('#path-seconds', '0.1');
   const saved = await downloadOf('#path-save');
   fs.writeFileSync(cluster.file('walk.json'), saved.text);
-  cluster.run('quarry', 'render', cluster.store, '-o', cluster.file('walk.png'), '--camera-path', cluster.file('walk.json'), '--frames', '0', '--size', '1000x700', '--quiet', '--force');
+  cluster.run('quarry', 'render', cluster.store, '-o', cluster.file('walk.png'), '--camera-path', cluster.file('walk.json'), '--frames', '0', '--size', '1400x800', '--quiet', '--force');
   await page.locator('#kept-views .go').first().click();
   const { png } = await exactOf(page);
   assert.ok(png.equals(fs.readFileSync(cluster.file('walk.0000.png'))), 'the first frame is the first view');

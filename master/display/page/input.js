@@ -23,6 +23,8 @@ export class Pointers {
     listen('dblclick', (event) => this.flight.isOn || this.on.doubleClick(...this.pixelOf(event)));
     stage.addEventListener('wheel', (event) => this.wheel(event), { passive: false });
     stage.addEventListener('contextmenu', (event) => event.preventDefault());
+    // Otherwise the browser makes a mouse's click of the finger that leaves, which closes the menu.
+    stage.addEventListener('touchend', (event) => this.isMenuTouch && event.preventDefault(), { passive: false });
     // Otherwise a middle click would scroll, or paste and follow a link.
     stage.addEventListener('auxclick', (event) => event.preventDefault());
     addEventListener('blur', () => this.letGo());
@@ -47,6 +49,7 @@ export class Pointers {
       ? { x: event.clientX, y: event.clientY, at: performance.now(), button: event.button } : null;
     this.beginDrag(event.button, event.shiftKey);
     clearTimeout(this.resting);
+    this.isMenuTouch = false;
     if (this.press && event.pointerType === 'touch') this.resting = setTimeout(() => this.longPress(), LONG_PRESS_MS);
   }
 
@@ -55,6 +58,7 @@ export class Pointers {
     const { press } = this;
     if (!press) return;
     this.letGo();
+    this.isMenuTouch = true;
     this.on.menu({ x: press.x, y: press.y });
   }
 

@@ -51,11 +51,16 @@ export class Inside {
 
   // --- Boxes
 
-  get sceneBox() { return [this.live.scene.lower, this.live.scene.upper]; }
   /// The box of the parts that are shown.
-  shownBox() { return this.selections.box ?? this.sceneBox; }
-  /// The box of all that is seen: of the shown parts, within the section.
-  seenBox() { return sharedBox(this.shownBox(), this.live.view?.section?.box) ?? this.sceneBox; }
+  shownBox() { return this.selections.box ?? this.live.scene.bounds; }
+
+  /// The box that the frame key shows: of the shown parts, within the section; of the whole model its bulk.
+  seenBox() {
+    const { scene, view } = this.live, cut = view?.section?.box;
+    const bulk = [scene.lower, scene.upper];
+    if (!cut && !this.selections.box) return bulk;
+    return sharedBox(this.shownBox(), cut) ?? bulk;
+  }
 
   // --- Steps that can be taken back
 
@@ -104,7 +109,7 @@ export class Inside {
 
   /// The server has made a selection.
   selectionMade() {
-    this.live.schedule();
+    this.live.formChanged();
     this.section.draw();
   }
 

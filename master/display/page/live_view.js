@@ -131,6 +131,12 @@ export class LiveView {
     this.schedule();
   }
 
+  /// The view has another form for the server now.
+  formChanged() {
+    this.changed ??= performance.now();
+    this.schedule();
+  }
+
   /// Whether the server has got everything that the page shows.
   get isSent() { return this.changed === null && !this.wire.isWaiting; }
 

@@ -23,7 +23,7 @@ import { Selections } from './parts/selections.js';
 import { Settings } from './settings.js';
 import { Share } from './share.js';
 import { StageSize } from './stage_size.js';
-import { fromWire, ownMembers, toFile } from './view_state.js';
+import { checkedInside, fromWire, ownMembers, toFile } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
@@ -224,7 +224,7 @@ window.quarry = {
   /// Shows a view; members that are missing have the default's values. Returns its input number, or null when it could
   /// not be sent.
   setView(view) {
-    return replaceView({ ...link.home, size: live.size, ...view, camera: fromWire(view.camera ?? link.home.camera) });
+    return replaceView({ ...checkedInside({ ...link.home, size: live.size, ...view }).view, camera: fromWire(view.camera ?? link.home.camera) });
   },
   view: wholeView,
 };

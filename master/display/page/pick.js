@@ -69,9 +69,9 @@ export class PickCard {
     return [
       ['Path', part && part.path !== part.name ? shown(part.path) : null],
       ['Material', hit && (shown(hit.material) || '–')],
-      ['Triangles', part && part.triangles.toLocaleString('en')],
+      ['Triangles', part?.triangles?.toLocaleString('en')],
       ['Size', part?.box ? this.sizeText(part.box) : null],
-      ['Surface', part && part.children === 0 ? (part.closed ? 'closed' : 'open') : null],
+      ['Surface', part?.children === 0 && part.closed !== null ? (part.closed ? 'closed' : 'open') : null],
       ...(hit ? [
         ['Position', hit.position.map(coordinate).join(', ')],
         ['Distance', coordinate(hit.distance)],

@@ -82,10 +82,13 @@ ordered_json Describe(const PartTree& tree, uint32_t part, const glm::dvec3& off
                  {"name", tree.name(part)},
                  {"path", tree.Path(part)},
                  {"children", tree.child_count(part)},
-                 {"triangles", total.triangles},
+                 {"triangles", nullptr},
                  {"box", nullptr},
-                 {"closed", tree[part].flags != 0},
+                 {"closed", nullptr},
                  {"parent", nullptr}};
+  if (!tree.has_tree()) return j;
+  j["triangles"] = total.triangles;
+  j["closed"] = (tree[part].flags & PartTree::Part::kClosed) != 0;
   if (total.lower.x <= total.upper.x)
     j["box"] = {VectorOf(total.lower, offset), VectorOf(total.upper, offset)};
   if (parent != PartTree::kNone) j["parent"] = parent;

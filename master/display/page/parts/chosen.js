@@ -9,6 +9,7 @@ export class Chosen {
     Object.assign(this, { drawing, onChange, tell });
     this.parts = new Map();  // by id
     this.anchor = null;  // the row in the tree where a range begins
+    this.range = null;  // a range whose parts are still being fetched: {number, model}
   }
 
   get paths() { return [...new Set([...this.parts.values()].map(({ path }) => path))]; }
@@ -32,18 +33,26 @@ export class Chosen {
 
   /// Takes a click on a row of the tree: with Ctrl it adds or takes away, with Shift it chooses the rows from the last one.
   clickRow(part, number, { ctrlKey, metaKey, shiftKey }, model) {
-    if (shiftKey && this.anchor !== null) return this.range(number, model);
+    if (shiftKey && this.anchor !== null) return this.setRange(number, model);
+    if (!part) return;
     this.anchor = number;
+    this.range = null;
     if (ctrlKey || metaKey) this.toggle(part);
     else this.set([part]);
   }
 
-  range(number, model) {
+  setRange(number, model) {
+    this.range = null;
     const from = Math.min(this.anchor, number), to = Math.max(this.anchor, number);
     if (to - from >= MOST_RANGE) return this.tell(`At most ${MOST_RANGE.toLocaleString('en')} parts are chosen at once.`);
     const rows = Array.from({ length: to - from + 1 }, (_, i) => model.row(from + i)?.part);
-    if (rows.includes(undefined)) this.tell('Some of these parts are still being loaded; choose them again.');
+    if (rows.includes(undefined)) this.range = { number, model };
     this.set(rows.filter(Boolean));
+  }
+
+  /// More parts have been fetched.
+  loaded() {
+    if (this.range) this.setRange(this.range.number, this.range.model);
   }
 
   /// The box around all, [lower, upper], or null where none has triangles.

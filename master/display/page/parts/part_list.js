@@ -113,7 +113,7 @@ export class PartList {
     if (!part) return made.replaceChildren(element('span', { className: 'waits' }, '…'));
     made.setAttribute('aria-selected', String(is.chosen));
     const name = shown(part.name) || '(no name)', hasMore = part.children > 0 && this.model.isTree;
-    made.setAttribute('aria-label', `${name}${is.hidden ? ', hidden' : ''}, ${part.triangles.toLocaleString('en')} triangles`);
+    made.setAttribute('aria-label', `${name}${is.hidden ? ', hidden' : ''}${part.triangles === null ? '' : `, ${part.triangles.toLocaleString('en')} triangles`}`);
     made.title = shown(part.path);
     const twist = element('span', { className: 'twist' }, hasMore ? (isOpen ? '▾' : '▸') : '');
     if (hasMore) made.setAttribute('aria-expanded', String(isOpen));
@@ -124,7 +124,7 @@ export class PartList {
     if (is.colour) swatch.style.background = radianceToHex(is.colour, 0);
     const above = this.model.isTree ? '' : shown(part.path).slice(0, -name.length).replace(/\/$/, '');
     made.replaceChildren(twist, eye, swatch, element('span', { className: 'name' }, name, element('span', { className: 'above' }, above)),
-      element('span', { className: 'count' }, compact(part.triangles)));
+      element('span', { className: 'count' }, part.triangles === null ? '' : compact(part.triangles)));
   }
 
   /// Calls `use(row, number, target)` for the row of an event.
@@ -194,7 +194,7 @@ export class PartList {
   step(by, isRange) {
     this.setFocus(this.focus + by);
     const row = this.model.row(this.focus);
-    if (isRange && row?.part) this.on.choose(row.part, this.focus, { shiftKey: true });
+    if (isRange && row) this.on.choose(row.part, this.focus, { shiftKey: true });
   }
 
   menuAtFocus(part) {

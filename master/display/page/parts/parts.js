@@ -32,6 +32,7 @@ export class Parts {
       hide: () => this.hide(), only: () => this.isolate(), fly: () => this.flyTo(this.chosen.box), copy: () => this.copyName(),
       colour: (colour) => this.colour(colour), section: (hit) => this.section.atFace(hit),
     });
+    this.choosing = Promise.resolve();
     $('parts-search').addEventListener('input', () => this.searchSoon());
     $('parts-search').addEventListener('keydown', (event) => this.searchKey(event));
     $('parts-close').addEventListener('click', () => this.onClose());
@@ -88,6 +89,7 @@ export class Parts {
 
   loaded(list) {
     if (list === this.found || !this.found) this.list.refresh();
+    this.chosen.loaded();
     this.showCount();
   }
 
@@ -112,8 +114,15 @@ export class Parts {
     this.onRow([...this.chosen.parts.values()]);
   }
 
-  /// Chooses the part of a HIT. Returns its facts, or null.
-  async choose(hit, isMore = false) {
+  /// Chooses the part of a HIT. Returns its facts, or null. Clicks count in their order, however long their parts take to
+  /// come.
+  choose(hit, isMore = false) {
+    const part = this.choosing.then(() => this.chooseNow(hit, isMore));
+    this.choosing = part.catch(() => null);
+    return part;
+  }
+
+  async chooseNow(hit, isMore) {
     if (!hit) {
       if (!isMore) this.chosen.clear();
       return null;
