@@ -18,7 +18,9 @@ ImportStage::ImportStage(const PreprocessOptions& options, WorkFolder& work, Pro
       progress_(progress),
       sink_(
           work.spill_folder(), options.memory, options.scale,
-          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {}
+          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {
+  if (options.models.size() > 1) sink_.KeepFilesApart();
+}
 
 Status ImportStage::Restore() {
   const SavedCheckpoint* last = nullptr;

@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 
 #include "common/scene/scene_summary.h"
+#include "common/voxel/part_tree.h"
 
 namespace quarry {
 namespace {
@@ -50,6 +52,24 @@ class NameBudget {
   const StoreReader& store_;
   uint64_t left_;
 };
+
+/// The paths of all parts. Errors: as PartTree::Read(); paths that are far longer than names of models: a
+/// forged store may put many parts below a long path.
+Result<nlohmann::ordered_json> PartPaths(const StoreReader& store) {
+  constexpr uint64_t kMostCopies = 64;
+  QUARRY_ASSIGN(const std::shared_ptr<const PartTree> tree, PartTree::Read(store));
+  uint64_t left = kMostCopies * store.name_bytes();
+  auto paths = nlohmann::ordered_json::array();
+  for (uint32_t part = 0; part < tree->size(); ++part) {
+    std::string path = tree->Path(part);
+    if (path.size() > left)
+      return Fail(
+          fmt::format("{}: the paths of its parts are too long together to be listed as JSON", store.path()));
+    left -= path.size();
+    paths.push_back(std::move(path));
+  }
+  return paths;
+}
 
 }  // namespace
 
@@ -123,11 +143,7 @@ Result<nlohmann::ordered_json> DescribeStore(const StoreReader& store) {
     QUARRY_ASSIGN(std::string name, names.Take(store.MaterialName(m)));
     materials.push_back(std::move(name));
   }
-  auto& parts = j["parts"] = nlohmann::ordered_json::array();
-  for (uint32_t p = 0; p < store.part_count(); ++p) {
-    QUARRY_ASSIGN(std::string name, names.Take(store.PartName(p)));
-    parts.push_back(std::move(name));
-  }
+  QUARRY_ASSIGN(j["parts"], PartPaths(store));
   QUARRY_ASSIGN(j["textures"], DescribeTextures(store));
   return j;
 }

@@ -16,13 +16,13 @@ constexpr uint32_t kSectionCount = 15;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
-                  const std::vector<Section>& sections) {
+                  const std::vector<std::span<const std::byte>>& sections) {
   XXH3_state_t* state = XXH3_createState();
   XXH3_128bits_reset(state);
   XXH3_128bits_update(state, logical.data(), logical.size() * sizeof(uint64_t));
   for (const WrittenTexture& t : textures)
     XXH3_128bits_update(state, t.logical.data(), t.logical.size() * sizeof(uint64_t));
-  for (const Section& s : sections) XXH3_128bits_update(state, s.bytes.data(), s.bytes.size());
+  for (const auto section : sections) XXH3_128bits_update(state, section.data(), section.size());
   XXH128_canonical_t canonical;
   XXH128_canonicalFromHash(&canonical, XXH3_128bits_digest(state));
   XXH3_freeState(state);
@@ -219,10 +219,14 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kPartTree, EncodePartTree(parts.facts)});
   sections.push_back({SectionType::kVoxelParts, parts_.bytes});
 
-  std::vector<Section> logical = sections;
-  logical[0].bytes = EncodeMeta(LogicalMeta(meta));
-  logical[6].bytes = EncodeTextureFacts(textures);
-  logical.erase(logical.begin() + 2);  // the directory: positions and sizes of compressed blocks
+  const Bytes facts = EncodeMeta(LogicalMeta(meta)), texture_facts = EncodeTextureFacts(textures);
+  std::vector<std::span<const std::byte>> logical;
+  for (const Section& s : sections) {
+    if (s.type == SectionType::kDirectory) continue;  // positions and sizes of compressed blocks
+    logical.emplace_back(s.type == SectionType::kMeta               ? facts
+                         : s.type == SectionType::kTextureDirectory ? texture_facts
+                                                                    : s.bytes);
+  }
   const SceneId id = HashScene(logical_, textures_, logical);
   sections.push_back({SectionType::kModels, EncodeModels(models)});  // a renamed model is the same scene
 

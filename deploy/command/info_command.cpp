@@ -103,19 +103,6 @@ Status PrintTextures(const std::string& scene, bool json, const HttpOptions& htt
   return {};
 }
 
-Status PrintParts(const std::string& scene, const HttpOptions& http) {
-  QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
-  for (uint32_t p = 0; p < store.part_count(); ++p) {
-    QUARRY_ASSIGN(const std::string name, store.PartName(p));
-    if (!Print(fmt::format("part {} {}\n", p, PrintableName(name)))) return {};
-  }
-  for (uint32_t m = 0; m < store.catalog().materials.size(); ++m) {
-    QUARRY_ASSIGN(const std::string name, store.MaterialName(m));
-    if (!Print(fmt::format("material {} {}\n", m, PrintableName(name)))) return {};
-  }
-  return {};
-}
-
 Status Verify(const std::string& scene, bool quiet, const HttpOptions& http) {
   QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   Progress progress(quiet);

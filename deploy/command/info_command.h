@@ -11,10 +11,6 @@ namespace quarry {
 /// on a server. Errors: as OpenStore().
 Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http);
 
-/// Prints the names that the ids of parts and materials stand for, a line each. Errors: as
-/// OpenStore().
-Status PrintParts(const std::string& scene, const HttpOptions& http);
-
 /// Prints a store's textures, each with its shape, its bytes and the materials that use it, as text or JSON.
 /// Errors: as OpenStore().
 Status PrintTextures(const std::string& scene, bool json, const HttpOptions& http);

@@ -23,6 +23,7 @@
 #include "deploy/command/cluster.h"
 #include "deploy/command/info_command.h"
 #include "deploy/command/model_cache.h"
+#include "deploy/command/parts_command.h"
 #include "deploy/command/query.h"
 #include "deploy/command/render_command.h"
 #include "deploy/command/slurm/slurm_command.h"
@@ -99,10 +100,10 @@ Status ShowStatus(const std::string& master, const SecurityOptions& options, boo
   return PrintStatus(endpoint, security, json);
 }
 
-Status PrintInfoOf(const std::string& scene, bool json, bool parts, bool textures,
+Status PrintInfoOf(const std::string& scene, bool json, bool parts, const std::string& find, bool textures,
                    const RemoteArguments& remote) {
   QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(remote));
-  if (parts) return PrintParts(scene, http);
+  if (parts) return PrintParts(scene, find, json, http);
   return textures ? PrintTextures(scene, json, http) : PrintInfo(scene, json, http);
 }
 
@@ -123,7 +124,8 @@ int Main(int argc, char** argv) {
       "  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
       "  quarry view plant.quarry --open\n"
-      "  quarry info plant.quarry --json\n  quarry verify s3://models/plant.quarry\n  quarry cache list\n"
+      "  quarry info plant.quarry --json\n  quarry info plant.quarry --parts --find valve\n  quarry verify "
+      "s3://models/plant.quarry\n  quarry cache list\n"
       "  quarry status --master 10.0.0.1:9000\n"
       "  quarry cluster --slurm -N 4 plant.quarry -- -o walk.png --camera-path walk.json\n"
       "  quarry bench import plant.ply");
@@ -135,15 +137,18 @@ int Main(int argc, char** argv) {
   AddRenderOptions(*app.add_subcommand("render", "Render a picture, or a path of them"), render);
   ViewArguments view;
   AddViewCommandOptions(*app.add_subcommand("view", "Walk through a scene, live, in a browser"), view);
-  std::string scene;
+  std::string scene, find;
   bool json = false, parts = false, textures = false, quiet = false;
   auto* info = app.add_subcommand("info", "Describe the contents of a store");
   info->add_option("scene", scene, "The store: a file, or https://... or s3://BUCKET/KEY")->required();
   RemoteArguments remote;
   AddRemoteOptions(*info, remote);
-  auto* const as_json = info->add_flag("--json", json, "As JSON");
-  auto* const of_parts = info->add_flag("--parts", parts, "The names of part and material ids");
-  of_parts->excludes(as_json);
+  info->add_flag("--json", json, "As JSON");
+  auto* const of_parts = info->add_flag(
+      "--parts", parts, "The parts: triangles, surface, size, path; and the names of materials");
+  info->add_option("--find", find, "Only parts whose names contain TEXT, or with a / in it their paths")
+      ->type_name("TEXT")
+      ->needs(of_parts);
   info->add_flag("--textures", textures, "The textures: shapes, bytes, and the materials that use them")
       ->excludes(of_parts);
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
@@ -170,7 +175,7 @@ int Main(int argc, char** argv) {
   render.command_line = fmt::format("{}", fmt::join(std::span(argv, static_cast<size_t>(argc)), " "));
   return ExitStatus(app.got_subcommand("render")    ? Render(render)
                     : app.got_subcommand("view")    ? ShowLive(view)
-                    : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, textures, remote)
+                    : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, find, textures, remote)
                     : app.got_subcommand("status")  ? ShowStatus(master, security, json)
                     : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
                     : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)

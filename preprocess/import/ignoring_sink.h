@@ -15,7 +15,8 @@ class IgnoringSink : public ModelSink {
   Status BeginFile(std::string_view) override { return {}; }
   Status EndFile() override { return {}; }
   uint32_t AddMaterial(const Material&) override { return materials_++; }
-  uint32_t AddPart(std::string_view) override { return parts_++; }
+  uint32_t AddPart(std::string_view, uint32_t) override { return parts_++; }
+  uint32_t AddSibling(std::string_view, uint32_t) override { return parts_++; }
   bool takes_textures() const override { return false; }
   Result<uint32_t> AddTexture(TextureImage) override { return kNoIndex; }
   Status AddPosition(const glm::dvec3&, const Rgba8&) override { return {}; }

@@ -46,15 +46,18 @@ class ModelSink {
  public:
   virtual ~ModelSink() = default;
 
-  /// Starts a file. `name`, without folders, is the part of faces that have none.
+  /// Starts a file. `name`, without folders, is the part of faces that have none. Where there are several
+  /// files, it is the parent of the file's parts too.
   virtual Status BeginFile(std::string_view name) = 0;
   /// Ends the file. Errors: a corner index beyond the elements given.
   virtual Status EndFile() = 0;
 
-  /// Each registers a material or part and returns its index in the scene. Equal part names within a file are
-  /// one part.
+  /// Each registers a material or part and returns its index in the scene. `parent`: the part that the part
+  /// belongs to; kNoIndex: none. Equal names below one parent within a file are one part.
   virtual uint32_t AddMaterial(const Material& material) = 0;
-  virtual uint32_t AddPart(std::string_view name) = 0;
+  virtual uint32_t AddPart(std::string_view name, uint32_t parent) = 0;
+  /// A part of its own, even if another below the parent has the name: " #2" is added then, or " #3".
+  virtual uint32_t AddSibling(std::string_view name, uint32_t parent) = 0;
 
   /// Makes the vertices' alpha count for `material`: a triangle whose corners have the mean alpha n /
   /// kAlphaLevels, rounded, gets the material `first` + n in its place; one of alpha 1 keeps it. Before the

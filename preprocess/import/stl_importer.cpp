@@ -273,7 +273,7 @@ Status AsciiStl::Keyword(std::string_view word, TextCursor& rest) {
     const size_t facet = FindWord(name, "facet");
     const bool goes_on = facet != name.npos && FindWord(name.substr(facet), "vertex") != name.npos;
     if (goes_on) name = TextCursor(name.substr(0, facet)).Rest();
-    part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
+    part_ = name.empty() ? kNoIndex : sink_.AddPart(name, kNoIndex);
     rest.next = goes_on ? name.data() + name.size() : rest.end;
   } else if (begins("endsolid") || is("color") || word.starts_with('#')) {
     rest.next = rest.end;

@@ -29,13 +29,49 @@ uint32_t SceneTables::AddMaterial(const Material& material, double unit_length) 
   return static_cast<uint32_t>(tables_.materials.size() - 1);
 }
 
-uint32_t SceneTables::AddPart(std::string_view name) {
+/// The part below which a new part goes, for the parent that an importer states.
+uint32_t SceneTables::ParentFor(uint32_t parent) {
+  if (parent == kNoIndex) return files_apart_ ? FileRoot() : ScenePart::kNoParent;
+  uint32_t levels = 1;
+  for (uint32_t above = parent; above != ScenePart::kNoParent; above = tables_.parts.facts[above].parent)
+    ++levels;
+  return levels > kMostPartLevels ? tables_.parts.facts[parent].parent : parent;
+}
+
+/// A part below `parent`, and whether it is new.
+std::pair<SceneTables::PartsByName::iterator, bool> SceneTables::Add(PartsByName& parts,
+                                                                     std::string_view name, uint32_t parent) {
   const auto next = static_cast<uint32_t>(tables_.parts.names.size());
-  const auto [it, added] = file_parts_.emplace(name, next);
-  if (!added) return it->second;
-  tables_.parts.names.emplace_back(name);
-  tables_.parts.facts.emplace_back();
-  return next;
+  std::string key(reinterpret_cast<const char*>(&parent), sizeof parent);
+  const auto found = parts.emplace(key.append(name), Named{next});
+  if (found.second) {
+    tables_.parts.names.emplace_back(name);
+    tables_.parts.facts.emplace_back().parent = parent;
+  }
+  return found;
+}
+
+/// A new part, with a number behind its name if that is taken.
+uint32_t SceneTables::AddApart(PartsByName& parts, std::string_view name, uint32_t parent) {
+  const auto [first, is_new] = Add(parts, name, parent);
+  if (is_new) return first->second.part;
+  for (Named& named = first->second;;) {  // references stay valid when the table grows
+    const auto [other, added] = Add(parts, fmt::format("{} #{}", name, ++named.number), parent);
+    if (added) return other->second.part;
+  }
+}
+
+uint32_t SceneTables::AddPart(std::string_view name, uint32_t parent) {
+  return Add(file_parts_, name, ParentFor(parent)).first->second.part;
+}
+
+uint32_t SceneTables::AddSibling(std::string_view name, uint32_t parent) {
+  return AddApart(file_parts_, name, ParentFor(parent));
+}
+
+uint32_t SceneTables::FileRoot() {
+  if (file_part_ == kNoIndex) file_part_ = AddApart(files_, file_name_, ScenePart::kNoParent);
+  return file_part_;
 }
 
 uint32_t SceneTables::DefaultMaterial() {
@@ -44,7 +80,8 @@ uint32_t SceneTables::DefaultMaterial() {
 }
 
 uint32_t SceneTables::FilePart() {
-  if (file_part_ == kNoIndex) file_part_ = AddPart(file_name_);
+  if (files_apart_) return FileRoot();
+  if (file_part_ == kNoIndex) file_part_ = AddPart(file_name_, kNoIndex);
   return file_part_;
 }
 
@@ -91,6 +128,7 @@ void SceneTables::Warn(std::string message) {
 }
 
 Status SceneTables::Finish() {
+  file_parts_ = {};
   if (tables_.materials.empty()) DefaultMaterial();
   if (tables_.materials.size() > kMostMaterials)
     return Fail(fmt::format("{}: more than 65536 materials", file_name_));

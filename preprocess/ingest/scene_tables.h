@@ -5,6 +5,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "common/base/bytes.h"
@@ -27,10 +28,14 @@ class SceneTables {
   void BeginFile(std::string_view name);
   const std::string& file_name() const { return file_name_; }
 
-  /// Each returns the index in the scene. Equal part names within a file share an index. `unit_length`: scene
-  /// length of a unit of the material's lengths.
+  /// From here on each file is the root of its parts. Before the first file.
+  void KeepFilesApart() { files_apart_ = true; }
+
+  /// Each returns the index in the scene. See ModelSink for parts; one that would lie too deep (FORMAT.md) is
+  /// put beside its parent. `unit_length`: scene length of a unit of the material's lengths.
   uint32_t AddMaterial(const Material& material, double unit_length = 1);
-  uint32_t AddPart(std::string_view name);
+  uint32_t AddPart(std::string_view name, uint32_t parent);
+  uint32_t AddSibling(std::string_view name, uint32_t parent);
   /// The material of faces without a material, added on first use.
   uint32_t DefaultMaterial();
   /// The part of faces without a part, named after the file, added on first use.
@@ -52,6 +57,16 @@ class SceneTables {
   ImportedTables Take() { return std::move(tables_); }
 
  private:
+  /// Parts by parent and name. The number is the last that was added to the name to keep siblings apart.
+  struct Named {
+    uint32_t part, number = 1;
+  };
+  using PartsByName = std::unordered_map<std::string, Named>;
+
+  uint32_t ParentFor(uint32_t parent);
+  std::pair<PartsByName::iterator, bool> Add(PartsByName& parts, std::string_view name, uint32_t parent);
+  uint32_t AddApart(PartsByName& parts, std::string_view name, uint32_t parent);
+  uint32_t FileRoot();
   template <class View>
   void AddView(View view, size_t most, std::vector<View>& views);
 
@@ -60,7 +75,9 @@ class SceneTables {
   uint32_t default_material_ = kNoIndex;
   std::string file_name_;
   uint32_t file_part_ = kNoIndex;
-  std::unordered_map<std::string, uint32_t> file_parts_;  ///< indices of the current file's parts
+  bool files_apart_ = false;
+  PartsByName file_parts_;  ///< of the current file
+  PartsByName files_;       ///< roots of files that are kept apart
   bool warned_of_views_ = false;
 };
 

@@ -163,6 +163,7 @@ Result<ImportedScene> SpillSink::Finish() {
                                                          2 * coordinates_.largest_loss())));
   WarnOfLoss(kept.sample.triangles(), coordinates_, tables_);
   ImportedScene scene{triangles_.Take(), tables_.Take(), coordinates_.offset(), {}};
+  triangles_.TakeParts().GiveTo(scene.parts.facts);
   QUARRY_ASSIGN(scene.images, images_.Finish());
   return scene;
 }

@@ -36,6 +36,8 @@ class SpillSink final : public ModelSink {
             bool textures = true);
   SpillSink(const SpillSink&) = delete;
 
+  /// Has the files that begin after this be the roots of their parts.
+  void KeepFilesApart() { tables_.KeepFilesApart(); }
   /// Places the files that begin after this. Requires: up_axis is 1 or 2.
   void Place(const Placement& placement, int up_axis) { coordinates_.Place(placement, up_axis); }
 
@@ -49,7 +51,10 @@ class SpillSink final : public ModelSink {
     triangles_.SetAlphaLevels(material, first);
     return {};
   }
-  uint32_t AddPart(std::string_view name) override { return tables_.AddPart(name); }
+  uint32_t AddPart(std::string_view name, uint32_t parent) override { return tables_.AddPart(name, parent); }
+  uint32_t AddSibling(std::string_view name, uint32_t parent) override {
+    return tables_.AddSibling(name, parent);
+  }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
   void AddCamera(NamedCamera camera) override { tables_.AddCamera(std::move(camera), coordinates_); }

@@ -80,6 +80,7 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
   const TriangleFault fault = FaultOf(record);
   out_.dropped_not_finite += fault == TriangleFault::kNotFinite;
   out_.dropped_degenerate += fault == TriangleFault::kDegenerate;
+  parts_.Add(record, fault);
   if (fault != TriangleFault::kNone) return {};
   const Box box = record.PaddedBox(0);
   out_.bounds.Include(box.lower);
@@ -106,6 +107,7 @@ Status TriangleSpill::Save(ByteWriter& out) {
        {out_.triangles->count(), out_.input_triangles, out_.dropped_degenerate, out_.dropped_not_finite})
     out.Put(n);
   out_.sample.Save(out);
+  parts_.Save(out);
   return {};
 }
 
@@ -118,6 +120,7 @@ Status TriangleSpill::Restore(ByteReader& in, bool routed) {
   out_.dropped_degenerate = in.Get<uint64_t>();
   out_.dropped_not_finite = in.Get<uint64_t>();
   out_.sample.Restore(in);
+  parts_.Restore(in);
   if (routed) {
     out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);
     WeighUp();

@@ -3,12 +3,14 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/bytes.h"
 #include "common/base/check.h"
 #include "common/base/status.h"
 #include "preprocess/ingest/imported_scene.h"
+#include "preprocess/ingest/part_sums.h"
 #include "preprocess/ingest/polygon_fan.h"
 #include "preprocess/spill/spill_writer.h"
 
@@ -58,6 +60,8 @@ class TriangleSpill {
     return out_.triangles->FinishWriting();
   }
   const ImportedTriangles& result() const { return out_; }
+  /// Of all triangles, dropped triangles too.
+  PartSums TakeParts() { return std::move(parts_); }
   ImportedTriangles Take() {
     WeighUp();
     return std::move(out_);
@@ -74,6 +78,7 @@ class TriangleSpill {
   std::string folder_;
   ImportedTriangles out_;
   PolygonFan polygon_;
+  PartSums parts_;
   std::map<uint32_t, uint32_t> alpha_levels_;  ///< by material: the first of its levels
   SpillWriter writer_;  ///< of the file in out_; declared last, so that it ends before the file
 };

@@ -35,7 +35,8 @@ struct CountingSink : ModelSink {
         if (!std::isfinite(value)) std::abort();
     return 0;
   }
-  uint32_t AddPart(std::string_view) override { return 0; }
+  uint32_t AddPart(std::string_view, uint32_t) override { return 0; }
+  uint32_t AddSibling(std::string_view, uint32_t) override { return 0; }
   bool takes_textures() const override { return true; }
   Result<uint32_t> AddTexture(TextureImage image) override {
     if (image.model.empty() || image.file.empty() == image.content.empty()) std::abort();

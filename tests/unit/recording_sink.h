@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/import/model_sink.h"
 #include "tests/support/temporary_folder.h"
@@ -53,11 +54,21 @@ struct RecordingSink : ModelSink {
     materials.push_back(material);
     return static_cast<uint32_t>(materials.size() - 1);
   }
-  uint32_t AddPart(std::string_view part) override {
+  /// `parts` are paths.
+  uint32_t AddPart(std::string_view own, uint32_t parent) override {
+    std::string part = parent == kNoIndex ? "" : parts.at(parent);
+    AppendToPath(own, part, parent == kNoIndex);
     for (size_t i = 0; i < parts.size(); ++i)
       if (parts[i] == part) return static_cast<uint32_t>(i);
-    parts.emplace_back(part);
+    parts.push_back(std::move(part));
     return static_cast<uint32_t>(parts.size() - 1);
+  }
+  uint32_t AddSibling(std::string_view own, uint32_t parent) override {
+    const size_t before = parts.size();
+    const uint32_t part = AddPart(own, parent);
+    if (parts.size() > before) return part;
+    parts.push_back(parts[part] + " again");
+    return static_cast<uint32_t>(before);
   }
   void AddCamera(NamedCamera camera) override { cameras.push_back(std::move(camera)); }
   void AddLight(NamedLight light) override { lights.push_back(std::move(light)); }

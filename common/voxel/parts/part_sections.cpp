@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -19,6 +20,26 @@ void PutNumber(uint32_t number, Bytes& out) {
   constexpr uint32_t kMore = 0x80;
   for (; number >= kMore; number >>= 7) out.push_back(static_cast<std::byte>(number | kMore));
   out.push_back(static_cast<std::byte>(number));
+}
+
+/// Sorts parts and keeps each once. Those of a voxel mostly lie close together, so that a bit for each number
+/// between the least and the greatest is quicker than a sort of all.
+void KeepDistinct(std::vector<uint32_t>& parts) {
+  constexpr uint32_t kBits = 64;
+  if (parts.empty()) return;
+  const auto [first, last] = std::ranges::minmax(parts);
+  const uint32_t words = (last - first) / kBits + 1;
+  if (words > parts.size()) {
+    std::ranges::sort(parts);
+    parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
+    return;
+  }
+  std::vector<uint64_t> met(words);
+  for (const uint32_t part : parts) met[(part - first) / kBits] |= uint64_t{1} << (part - first) % kBits;
+  parts.clear();
+  for (uint32_t word = 0; word < words; ++word)
+    for (uint64_t left = met[word]; left != 0; left &= left - 1)
+      parts.push_back(first + word * kBits + static_cast<uint32_t>(std::countr_zero(left)));
 }
 
 ScenePart GetPart(ByteReader& in) {
@@ -64,10 +85,7 @@ Bytes EncodePartTree(std::span<const ScenePart> parts) {
 }
 
 Bytes EncodePartList(std::vector<uint32_t> parts) {
-  const auto distinct = [&] { parts.erase(std::unique(parts.begin(), parts.end()), parts.end()); };
-  distinct();  // neighbours are mostly of one part
-  std::ranges::sort(parts);
-  distinct();
+  KeepDistinct(parts);
   Bytes out;
   PutNumber(static_cast<uint32_t>(parts.size()), out);
   uint32_t before = 0;

@@ -16,6 +16,7 @@
 #include "common/base/log.h"
 #include "common/math/elementary.h"
 #include "common/scene/open_pbr.h"
+#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/cad/cad_client.h"
 #include "preprocess/import/warn_once.h"
 
@@ -176,11 +177,15 @@ class CadImport {
     return true;
   }
 
-  bool TakePart(std::string name) {
-    part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
-    part_name_ = std::move(name);
+  bool TakePart(std::string_view names) {
+    part_ = kNoIndex;
+    part_name_.clear();
+    for (size_t end; (end = names.find('\0')) != std::string_view::npos; names.remove_prefix(end + 1)) {
+      AppendToPath(names.substr(0, end), part_name_, part_ == kNoIndex);
+      part_ = sink_.AddPart(names.substr(0, end), part_);
+    }
     ++parts_;
-    return has_facts_;
+    return has_facts_ && names.empty();
   }
 
   bool TakeFace(ByteReader& in) {

@@ -18,7 +18,7 @@ enum class CadMessage : uint32_t {
   kWarning,       ///< an end of a sentence about the file
   kFacts,         ///< doubles x, y, z of a point in the midst; linear, angular deflection; the unit as text
   kMaterial,      ///< floats r, g, b, opacity, linear; numbered from 0
-  kPart,          ///< the path of the part that the coming faces belong to
+  kPart,          ///< names from the root to the part of the coming faces, each ended by a zero
   kFace,          ///< uint32 number of its material, or kNoIndex; begins a face without points
   kPoints,        ///< doubles x, y, z of points of the face, in the file's unit
   kNormals,       ///< floats x, y, z, as many as points before; a face has none or all

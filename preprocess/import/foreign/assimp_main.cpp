@@ -27,6 +27,7 @@
 #include "common/program/run_program.h"
 #include "common/scene/material_json.h"
 #include "common/scene/open_pbr.h"
+#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/foreign/collada_sets.h"
 #include "preprocess/import/foreign/foreign.h"
 
@@ -52,13 +53,18 @@ struct Placed {
   uint32_t part;
 };
 
-void Place(const aiScene& scene, const aiNode& node, const aiMatrix4x4& parent, std::vector<Placed>& placed,
-           std::vector<std::string>& parts) {
+/// `above`: the path of the parent's part; empty for the root, which Assimp makes itself: only its meshes are
+/// a part.
+void Place(const aiScene& scene, const aiNode& node, const std::string& above, const aiMatrix4x4& parent,
+           std::vector<Placed>& placed, std::vector<std::string>& parts) {
   const aiMatrix4x4 to_world = parent * node.mTransformation;
-  if (node.mNumMeshes > 0) parts.emplace_back(node.mName.C_Str());
+  std::string path = above;
+  if (node.mParent != nullptr || node.mNumMeshes > 0) AppendToPath(node.mName.C_Str(), path, above.empty());
+  if (node.mNumMeshes > 0) parts.emplace_back(path);
   for (unsigned i = 0; i < node.mNumMeshes; ++i)
     placed.push_back({scene.mMeshes[node.mMeshes[i]], to_world, static_cast<uint32_t>(parts.size() - 1)});
-  for (unsigned i = 0; i < node.mNumChildren; ++i) Place(scene, *node.mChildren[i], to_world, placed, parts);
+  for (unsigned i = 0; i < node.mNumChildren; ++i)
+    Place(scene, *node.mChildren[i], path, to_world, placed, parts);
 }
 
 /// Whether a material's shading has a highlight. Assimp gives every material a specular colour.
@@ -325,7 +331,7 @@ Status Run(const std::string& model, const std::string& out, uint64_t memory) {
   if (!scene || !scene->mRootNode) return CannotRead(model, importer.GetErrorString());
   std::vector<Placed> placed;
   MaterialLibrary library;
-  Place(*scene, *scene->mRootNode, aiMatrix4x4(), placed, library.parts);
+  Place(*scene, *scene->mRootNode, "", aiMatrix4x4(), placed, library.parts);
   library.left_out = LeftOut(*scene);
   const bool srgb = HasSrgbColors(model);
   const std::string prefix = out.substr(0, out.size() - std::strlen(".ply"));

@@ -17,6 +17,7 @@
 #include "preprocess/import/gltf/gltf_material.h"
 #include "preprocess/import/gltf/gltf_materials.h"
 #include "preprocess/import/gltf/gltf_nodes.h"
+#include "preprocess/import/gltf/gltf_parts.h"
 #include "preprocess/import/gltf/gltf_vertices.h"
 #include "preprocess/import/gltf/gltf_views.h"
 
@@ -53,6 +54,7 @@ class GltfImport {
     for (;;) {
       QUARRY_ASSIGN(const std::optional<GltfNodes::Node> node, nodes.Next());
       if (!node) break;
+      parts_.Met(*node);
       if (node->json->contains("mesh")) QUARRY_TRY(Node(*node));
     }
     if (left_out_ != 0 && triangles_ == 0)
@@ -73,9 +75,7 @@ class GltfImport {
     const std::string where = fmt::format("nodes[{}]", node.index);
     QUARRY_ASSIGN(const uint64_t mesh_index, document_.Unsigned(*node.json, where, "mesh"));
     QUARRY_ASSIGN(const Json* mesh, document_.Find("meshes", mesh_index));
-    std::string name = node.json->value("name", "");
-    if (name.empty()) name = mesh->value("name", "");
-    const uint32_t part = name.empty() ? kNoIndex : sink_.AddPart(name);
+    const uint32_t part = parts_.Of(node.index, mesh->value("name", ""));
     if (!mesh->contains("primitives") || !mesh->at("primitives").is_array())
       return document_.FailAt(fmt::format("meshes[{}] has no primitives", mesh_index));
     joints_.clear();
@@ -295,6 +295,7 @@ class GltfImport {
   GltfSkins skins_{document_};
   GltfDraco draco_{document_};
   GltfMaterials materials_{document_, sink_};
+  GltfParts parts_{document_, sink_};
   std::vector<glm::dmat4> joints_;                  ///< of the current node's skin; empty: no skin
   uint64_t held_vertices_ = 0, held_indices_ = 0;   ///< in the node's held primitives
   std::vector<double> weights_;                     ///< of the node's morph targets

@@ -78,14 +78,15 @@ Result<GltfNodes> GltfNodes::Open(const GltfDocument& document) {
   GltfNodes nodes(document);
   QUARRY_ASSIGN(const std::vector<uint64_t> roots, SceneRoots(document));
   for (auto root = roots.rbegin(); root != roots.rend(); ++root)
-    nodes.stack_.emplace_back(*root, glm::dmat4(1));
+    nodes.stack_.push_back({*root, kNoNode, glm::dmat4(1)});
   if (document.json().contains("nodes")) nodes.visited_.resize(document.json().at("nodes").size());
   return nodes;
 }
 
 Result<std::optional<GltfNodes::Node>> GltfNodes::Next() {
   while (!stack_.empty()) {
-    const auto [index, parent] = stack_.back();
+    const Coming coming = stack_.back();
+    const uint64_t index = coming.index;
     stack_.pop_back();
     QUARRY_ASSIGN(const Json* json, document_->Find("nodes", index));
     if (visited_[index])
@@ -94,9 +95,9 @@ Result<std::optional<GltfNodes::Node>> GltfNodes::Next() {
     const Json& visibility = Member(Member(*json, "extensions"), "KHR_node_visibility");
     if (!visibility.value("visible", true)) continue;
     QUARRY_ASSIGN(const glm::dmat4 local, LocalTransform(*document_, *json, index));
-    const glm::dmat4 world = parent * local;
-    ForEachChild(*json, [&](uint64_t child) { stack_.emplace_back(child, world); });
-    return Node{index, json, world};
+    const glm::dmat4 world = coming.world * local;
+    ForEachChild(*json, [&](uint64_t child) { stack_.push_back({child, index, world}); });
+    return Node{index, coming.parent, json, world};
   }
   return std::nullopt;
 }

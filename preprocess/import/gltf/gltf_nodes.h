@@ -21,8 +21,10 @@ Result<std::vector<uint64_t>> SceneRoots(const GltfDocument& document);
 /// Walks the scene's nodes, parents before children. Transforms are to the world. Thread safety: none.
 class GltfNodes {
  public:
+  static constexpr uint64_t kNoNode = ~uint64_t{0};
   struct Node {
     uint64_t index;
+    uint64_t parent;  ///< kNoNode: a root
     const nlohmann::json* json;
     glm::dmat4 world;
   };
@@ -35,7 +37,11 @@ class GltfNodes {
  private:
   explicit GltfNodes(const GltfDocument& document) : document_(&document) {}
   const GltfDocument* document_;
-  std::vector<std::pair<uint64_t, glm::dmat4>> stack_;  ///< nodes to visit, each with its parent's transform
+  struct Coming {
+    uint64_t index, parent;
+    glm::dmat4 world;  ///< the parent's
+  };
+  std::vector<Coming> stack_;  ///< nodes to visit
   std::vector<bool> visited_;
 };
 

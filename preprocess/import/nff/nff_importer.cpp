@@ -173,7 +173,8 @@ class NffReader {
                       .value()
                       .message);
     if (!bytes) return words_.FailHere(bytes.error().message);
-    const uint32_t part = scene_.animations_only ? 0 : scene_.sink.AddPart(fs::path(name).stem().string());
+    const uint32_t part =
+        scene_.animations_only ? 0 : scene_.sink.AddPart(fs::path(name).stem().string(), kNoIndex);
     return NffReader(*bytes, scene_, part, depth_ + 1).Read(transforms_.back());
   }
 

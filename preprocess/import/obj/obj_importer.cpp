@@ -298,9 +298,8 @@ Status ObjFile::IndexFailure(const TextCursor& at, std::string_view trouble) con
 }
 
 void ObjFile::SetPart() {
-  std::string name = object_;
-  if (!group_.empty() && group_ != object_) name += (name.empty() ? "" : "/") + group_;
-  part_ = name.empty() ? kNoIndex : sink_.AddPart(name);
+  part_ = object_.empty() ? kNoIndex : sink_.AddPart(object_, kNoIndex);
+  if (!group_.empty() && group_ != object_) part_ = sink_.AddPart(group_, part_);
   part_changed_ = false;
 }
 

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "common/scene/material_json.h"
+#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/carried_fields.h"
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/files/find_file.h"
@@ -127,8 +128,15 @@ class PlyBody {
     }
     parts_.wanted = parts && !library.parts.empty();
     for (const std::string& part : library.parts)
-      if (parts) parts_.scene_index.push_back(sink_.AddPart(part));
+      if (parts) parts_.scene_index.push_back(PartOf(part));
     return {};
+  }
+
+  /// The part of a path; its ancestors are parts too.
+  uint32_t PartOf(const std::string& path) {
+    uint32_t part = kNoIndex;
+    for (const std::string& name : NamesOfPath(path)) part = sink_.AddPart(name, part);
+    return part;
   }
 
   Status LoadTextures() {

@@ -143,8 +143,8 @@ ThreeMfProperties::Look ShapeReader::LookOf(uint32_t group, uint32_t index) {
 
 ShapeReader::Instance ShapeReader::ToInstance(const glm::dmat4& world, const std::vector<uint32_t>& way) {
   uint32_t part = kNoIndex;
-  for (size_t i = 0; i < way.size() && part == kNoIndex; ++i)
-    if (const std::string& name = s_.objects[way[i]].name; !name.empty()) part = sink_.AddPart(name);
+  for (size_t i = way.size(); i-- > 0;)
+    if (const std::string& name = s_.objects[way[i]].name; !name.empty()) part = sink_.AddPart(name, part);
   return {world, part, glm::determinant(glm::dmat3(world)) < 0};
 }
 

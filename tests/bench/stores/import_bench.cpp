@@ -29,7 +29,8 @@ struct NullSink : ModelSink {
   Status BeginFile(std::string_view) override { return {}; }
   Status EndFile() override { return {}; }
   uint32_t AddMaterial(const Material&) override { return 0; }
-  uint32_t AddPart(std::string_view) override { return 0; }
+  uint32_t AddPart(std::string_view, uint32_t) override { return 0; }
+  uint32_t AddSibling(std::string_view, uint32_t) override { return 0; }
   bool takes_textures() const override { return false; }
   Result<uint32_t> AddTexture(TextureImage) override { return kNoIndex; }
   Status AddPosition(const glm::dvec3&, const Rgba8&) override { return {}; }

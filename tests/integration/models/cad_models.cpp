@@ -12,6 +12,7 @@
 
 #include "common/base/log.h"
 #include "common/program/installed_program.h"
+#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/ignoring_sink.h"
 #include "preprocess/import/importer.h"
 #include "tests/integration/models/cad_model_writer.h"
@@ -28,9 +29,11 @@ class PartSums : public IgnoringSink {
     colors_.push_back(material.name);
     return static_cast<uint32_t>(colors_.size() - 1);
   }
-  uint32_t AddPart(std::string_view name) override {
-    const auto [it, is_new] = numbers_.try_emplace(std::string(name), static_cast<uint32_t>(parts_.size()));
-    if (is_new) parts_.push_back({std::string(name), 0, {}, 0});
+  uint32_t AddPart(std::string_view name, uint32_t parent) override {
+    std::string path = parent == kNoIndex ? "" : parts_.at(parent).path;
+    AppendToPath(name, path, parent == kNoIndex);
+    const auto [it, is_new] = numbers_.try_emplace(path, static_cast<uint32_t>(parts_.size()));
+    if (is_new) parts_.push_back({path, 0, {}, 0});
     return it->second;
   }
   Status AddPosition(const glm::dvec3& position, const Rgba8&) override {
@@ -42,7 +45,7 @@ class PartSums : public IgnoringSink {
     return {};
   }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t number) override {
-    Part& part = parts_.at(number == kNoIndex ? AddPart("") : number);
+    Part& part = parts_.at(number == kNoIndex ? AddPart("", kNoIndex) : number);
     const glm::dvec3 &a = points_.at(corners[0].position), &b = points_.at(corners[1].position),
                      &c = points_.at(corners[2].position);
     const glm::dvec3 u = b - a, v = c - a;
@@ -60,10 +63,11 @@ class PartSums : public IgnoringSink {
   Json ToJson() const {
     Json parts = Json::array();
     for (const Part& part : parts_)
-      parts.push_back({{"path", part.path},
-                       {"volume", part.volume},
-                       {"colors", part.colors},
-                       {"triangles", part.triangles}});
+      if (part.triangles > 0)
+        parts.push_back({{"path", part.path},
+                         {"volume", part.volume},
+                         {"colors", part.colors},
+                         {"triangles", part.triangles}});
     return {{"parts", parts}, {"warnings", warnings_}, {"notes", notes_}, {"least_cosine", least_cosine_}};
   }
 

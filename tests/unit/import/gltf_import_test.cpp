@@ -46,7 +46,7 @@ void CheckTwoSquares(const RecordingSink& sink) {
   CHECK(sink.positions[2] == glm::dvec3(11, 1, 0));
   // (1, 1, 0) times (-2, 1, 1), a quarter turn about z, moved by the parent.
   CHECK(glm::distance(sink.positions[6], glm::dvec3(9, -2, 0)) < 1e-12);
-  CHECK(sink.parts == std::vector<std::string>{"first", "square"});
+  CHECK(sink.parts == std::vector<std::string>{"first", "first/square"});
   REQUIRE(sink.polygons.size() == 4);
   CHECK(sink.polygons[0].corners[1].position == 1);
   CHECK(sink.polygons[2].corners[0].position == 4);

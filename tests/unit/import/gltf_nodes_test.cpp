@@ -225,3 +225,41 @@ TEST_CASE("glTF: metal, unlit and glossy materials", "[import][gltf]") {
   CHECK((glass.transmission_depth == 2 && glass.transmission_color == glm::vec3(0.5f, 1, 1)));
   CHECK(glass.transmittance == glm::vec3(1));
 }
+
+TEST_CASE("glTF: parts lie below their nodes' ancestors, siblings of one name apart",
+          "[import][gltf][parts]") {
+  RecordingSink sink;
+  REQUIRE(Import(Square([](Builder& b) {
+                   b.json["meshes"][0]["name"] = "square";
+                   b.json["nodes"] = {{{"name", "plant"}, {"children", {1, 2, 6}}},
+                                      {{"name", "valve"}, {"mesh", 0}},
+                                      {{"children", {3, 4, 5}}},  // without a name
+                                      {{"name", "valve"}, {"mesh", 0}},
+                                      {{"name", "a/b*c\\"}, {"mesh", 0}},
+                                      {{"mesh", 0}},        // has the mesh's name
+                                      {{"name", "empty"}},  // no part
+                                      {{"name", "pump"}, {"mesh", 0}, {"children", {8}}},
+                                      {{"name", "rotor"}, {"mesh", 0}}};
+                   b.json["scenes"] = {{{"nodes", {0, 7}}}};
+                 }),
+                 sink)
+              .empty());
+  CHECK(sink.parts == std::vector<std::string>{"plant", "plant/valve", "plant/valve again",
+                                               "plant/a\\/b\\*c\\\\", "plant/square", "pump", "pump/rotor"});
+  REQUIRE(sink.polygons.size() == 12);
+  CHECK(sink.polygons[2].part == 2);
+  CHECK(sink.polygons[10].part == 6);
+}
+
+TEST_CASE("glTF: a mesh without a name belongs to the nearest ancestor with one", "[import][gltf][parts]") {
+  RecordingSink sink;
+  REQUIRE(Import(Square([](Builder& b) {
+                   b.json["nodes"] = {{{"name", "plant"}, {"children", {1}}}, {{"mesh", 0}}, {{"mesh", 0}}};
+                   b.json["scenes"] = {{{"nodes", {0, 2}}}};
+                 }),
+                 sink)
+              .empty());
+  CHECK(sink.parts == std::vector<std::string>{"plant"});
+  CHECK(sink.polygons[0].part == 0);
+  CHECK(sink.polygons[2].part == kNoIndex);
+}

@@ -68,7 +68,7 @@ TEST_CASE("OBJ: continuations, names and comments", "[import][reported]") {
   RecordingSink sink;
   REQUIRE(ImportText("a.obj", kObj + "g C:\\parts\\\nf 1 2 3\ng two # the second\nf 1 2 3\ng #3\nf 1 3 4\n",
                      sink) == "");
-  CHECK(sink.parts == std::vector<std::string>{"C:\\parts\\", "two", "#3"});
+  CHECK(sink.parts == std::vector<std::string>{"C:\\\\parts\\\\", "two", "#3"});
 }
 
 TEST_CASE("OBJ: colours to 1 and to 255, with alpha", "[import][reported]") {

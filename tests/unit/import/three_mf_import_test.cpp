@@ -60,9 +60,9 @@ TEST_CASE("3MF: components lie in components, each with its transform", "[import
   CHECK(read.At(2, 1) == glm::dvec3(102, 10, 0));
   CHECK(read.At(4, 1) == glm::dvec3(103, 0, 0));
   CHECK(read.At(6, 1) == glm::dvec3(106, 10, 0));
-  CHECK(read.sink.parts == std::vector<std::string>{"Leaf", "Pair"});
-  CHECK(read.sink.polygons[0].part == 0);
-  CHECK(read.sink.polygons[4].part == 1);
+  CHECK(read.sink.parts == std::vector<std::string>{"Pair", "Pair/Leaf"});
+  CHECK(read.sink.polygons[0].part == 1);
+  CHECK(read.sink.polygons[4].part == 0);
 }
 
 TEST_CASE("3MF: an object too large for memory is passed on for all instances at once", "[import][3mf]") {

@@ -196,6 +196,85 @@ TEST_CASE("Another process takes over a saved import") {
   CHECK(records[1005].vertices[0].x == 500005 - 500736);
 }
 
+namespace {
+
+/// A file with a triangle of each part that `add` returns.
+template <class Add>
+void AddParts(SpillSink& sink, const std::string& name, Add&& add) {
+  REQUIRE(sink.BeginFile(name));
+  for (const glm::dvec3& p : {glm::dvec3(0), glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0)})
+    REQUIRE(sink.AddPosition(p, Rgba8{}));
+  for (const uint32_t part : std::vector<uint32_t>(add())) {
+    const Corner corners[3] = {{0}, {1}, {2}};
+    REQUIRE(sink.AddPolygon(corners, kNoIndex, part));
+  }
+  REQUIRE(sink.EndFile());
+}
+
+/// The path and the triangles of each part.
+std::vector<std::string> PathsOf(const PartTable& parts) {
+  std::vector<std::string> paths;
+  for (size_t i = 0; i < parts.names.size(); ++i) {
+    const uint32_t parent = parts.facts[i].parent;
+    REQUIRE((parent == ScenePart::kNoParent || parent < i));
+    paths.push_back((parent == ScenePart::kNoParent ? "" : paths[parent] + "/") + parts.names[i]);
+  }
+  for (size_t i = 0; i < paths.size(); ++i) paths[i] += " " + std::to_string(parts.facts[i].triangles);
+  return paths;
+}
+
+using Texts = std::vector<std::string>;
+
+}  // namespace
+
+TEST_CASE("Parts of one name are one, siblings stay apart", "[parts]") {
+  const TemporaryFolder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  AddParts(sink, "f", [&] {
+    const uint32_t hall = sink.AddPart("hall", kNoIndex), valve = sink.AddPart("valve", hall);
+    CHECK(sink.AddPart("valve", hall) == valve);
+    const uint32_t second = sink.AddSibling("valve", hall), third = sink.AddSibling("valve", hall);
+    const uint32_t other = sink.AddSibling("valve", kNoIndex);
+    sink.AddPart("pump #2", hall);
+    return std::vector{
+        valve,   valve, second, third, other, sink.AddSibling("pump", hall), sink.AddSibling("pump", hall),
+        kNoIndex};
+  });
+  const auto scene = sink.Finish();
+  REQUIRE(scene);
+  CHECK(PathsOf(scene->parts) == Texts{"hall 0", "hall/valve 2", "hall/valve #2 1", "hall/valve #3 1",
+                                       "valve 1", "hall/pump #2 0", "hall/pump 1", "hall/pump #3 1", "f 1"});
+  CHECK(scene->parts.facts[1].upper == glm::vec3(1, 1, 0));
+}
+
+TEST_CASE("Several files are the roots of their parts", "[parts]") {
+  const TemporaryFolder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  sink.KeepFilesApart();
+  for (const char* name : {"a.ply", "b.ply", "a.ply"})
+    AddParts(sink, name, [&] { return std::vector{sink.AddPart("valve", kNoIndex), kNoIndex}; });
+  const auto scene = sink.Finish();
+  REQUIRE(scene);
+  CHECK(PathsOf(scene->parts) ==
+        Texts{"a.ply 1", "a.ply/valve 1", "b.ply 1", "b.ply/valve 1", "a.ply #2 1", "a.ply #2/valve 1"});
+}
+
+TEST_CASE("Parts that would lie too deep are put beside their parents", "[parts]") {
+  const TemporaryFolder folder;
+  SpillSink sink = MakeSink(folder, 1 << 20);
+  AddParts(sink, "f", [&] {
+    uint32_t part = kNoIndex;
+    for (uint32_t i = 0; i < kMostPartLevels + 10; ++i) part = sink.AddSibling("level", part);
+    return std::vector{part};
+  });
+  const auto scene = sink.Finish();
+  REQUIRE(scene);
+  const std::vector<ScenePart>& parts = scene->parts.facts;
+  REQUIRE(parts.size() == kMostPartLevels + 10);
+  CHECK(parts.back().parent == kMostPartLevels - 2);
+  CHECK(scene->parts.names.back() == "level #11");
+}
+
 TEST_CASE("A saved import is refused when its files are gone or damaged") {
   const TemporaryFolder folder;
   const auto file = [&](const char* name) { return folder.path() + "/" + name; };

@@ -443,6 +443,33 @@ TEST_CASE("Damaged lists of the voxels' parts are refused", "[parts]") {
   CHECK_THAT(fault({2, 2, 1, 1, 3, 2, 1, 4}), Catch::Contains("other parts than the VPRT section states"));
 }
 
+TEST_CASE("A voxel's list has each of its parts once, near together or far apart", "[parts]") {
+  std::mt19937 random(3);
+  for (int round = 0; round < 300; ++round) {
+    const uint32_t first = random() >> random() % 32 >> 1, range = 1 + (random() >> random() % 32 >> 1);
+    std::vector<uint32_t> parts(1 + random() % 300);
+    for (uint32_t& part : parts)
+      part = std::min(first + static_cast<uint32_t>(random()) % range, 0x7FFFFFFFu);
+    const Bytes list = EncodePartList(parts);
+    ByteReader in(list);
+    const auto number = [&] {
+      uint64_t value = 0;
+      for (int shift = 0;; shift += 7) {
+        const auto byte = in.Get<uint8_t>();
+        value |= uint64_t{byte & 0x7Fu} << shift;
+        if (byte < 0x80) return value;
+      }
+    };
+    std::vector<uint32_t> got(number());
+    uint64_t part = 0;
+    for (uint32_t& g : got) g = static_cast<uint32_t>(part += number());
+    CHECK(in.done());
+    std::ranges::sort(parts);
+    parts.erase(std::unique(parts.begin(), parts.end()), parts.end());
+    REQUIRE(got == parts);
+  }
+}
+
 TEST_CASE("A store of before, without sections of parts, has only roots", "[parts]") {
   const TemporaryFolder folder;
   WriteParts(folder.file("s"), Plant());

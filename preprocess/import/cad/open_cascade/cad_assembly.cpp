@@ -36,7 +36,7 @@ bool IsMade(std::string_view name) {
 /// The data that a node of the assembly passes on to the nodes below.
 struct Above {
   TopLoc_Location place;
-  std::string path;
+  std::string path;  ///< names, each ended by a zero
   Color color;
   int depth = 0;
 };
@@ -68,7 +68,7 @@ class Walk {
   static std::string PathOf(const Above& above, std::string name, Siblings& siblings) {
     if (name.empty()) return above.path;
     if (const size_t before = siblings[name]++; before > 0) name += fmt::format(":{}", before + 1);
-    return above.path.empty() ? name : above.path + "/" + name;
+    return above.path + name + '\0';
   }
 
   void Visit(const TDF_Label& label, const Above& above, Siblings& siblings) {
