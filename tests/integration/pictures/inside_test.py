@@ -96,7 +96,7 @@ class SameBits(Inside):
 class Caps(Inside):
     """A cut at half the height, seen from above by parallel rays: the cap's pixels times a pixel's area."""
 
-    def capped_area(self, store, pixels=800, height=5.0):
+    def capped_area(self, store, pixels=600, height=6.0):
         view = self.view("cut", mode="raycast", size=[pixels, pixels], aov=["depth", "normal", "part"],
                          camera={"eye": [0, 0, 10], "at": [0, 0, 0], "up": [0, 1, 0], "ortho": height},
                          section={"planes": [{"point": [0, 0, 0.5], "normal": [0, 0, 1]}]})
