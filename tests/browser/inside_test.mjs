@@ -42,7 +42,7 @@ async function checkExact() {
 
 /** Looks straight down at the lid, so that places in the picture are known: 50 pixels for a unit around (4, 4). `hide`: paths. */
 async function lookDown(hide = []) {
-  await page.evaluate(list => window.quarry.setView({ hide: list, camera: { eye: [4, 4, 30], at: [4, 4, 0], up: [0, 1, 0], ortho: 16 } }), hide);
+  await page.evaluate(list => window.quarry.setView({ hide: list, mode: 'raycast', spp: 1, camera: { eye: [4, 4, 30], at: [4, 4, 0], up: [0, 1, 0], ortho: 16 } }), hide);
   await untilExact(page);
 }
 const at = (x, y) => [700 + 50 * (x - 4), 400 - 50 * (y - 4)];
