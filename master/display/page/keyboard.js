@@ -63,7 +63,7 @@ export function listenToKeys(live, navigation, flight, views, on) {
     if (!live.view || document.querySelector('dialog[open]')) return;
     flight.isFast = event.shiftKey;
     let action = isPad ? pad : actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (event.shiftKey && event.code === 'KeyH') action = on.showAll;
+    if (event.shiftKey && event.key.toLowerCase() === 'h') action = on.showAll;
     if (isOnStage(event) && event.key === 'Enter') action = on.clickMiddle;
     if (isOnStage(event) && (event.key === 'ContextMenu' || (event.key === 'F10' && event.shiftKey))) action = on.menuMiddle;
     if (flight.press(event.code)) event.preventDefault();

@@ -20,6 +20,7 @@ export class PartList {
     this.focus = 0;  // the row that the Tab key reaches
     this.height = 0;
     this.inner = element('div', { className: 'rows' });
+    this.inner.setAttribute('role', 'none');
     this.element.append(this.inner);
     this.element.addEventListener('scroll', () => this.render());
     this.element.addEventListener('keydown', (event) => this.key(event));
