@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <set>
 
 #include "common/engine/renderer.h"
 #include "common/engine/sources/ray_list.h"
@@ -141,6 +142,47 @@ TEST_CASE("Hits of views with hidden parts and a section are those of brute forc
         CHECK(found > 200);
       }
     }
+}
+
+TEST_CASE("No block is loaded that has none of the parts of a view", "[reference][inside]") {
+  const TemporaryFolder folder;
+  const std::string store = folder.file("s");
+  MakeStore({.models = {GenerateScene(folder, "plant", 20000, ".obj")}, .output = store, .voxel_size = 8192});
+  const auto scene = Scene::Open(store);
+  REQUIRE(scene.has_value());
+  const Catalog& catalog = scene->catalog();
+  auto selection = std::make_shared<PartSelection>();
+  selection->hidden = NoParts(scene->store().part_count());
+  for (uint32_t part = 0; part < scene->store().part_count(); ++part)
+    if (part % 50 != 7) AddPart(selection->hidden, part);
+  selection->voxels.resize(catalog.voxels.size());
+  size_t kept = 0;
+  REQUIRE(scene->store()
+              .ForEachVoxelParts([&](uint32_t voxel, std::span<const uint32_t> parts) {
+                const bool any = std::ranges::any_of(
+                    parts, [&](uint32_t part) { return !HasPart(selection->hidden, part); });
+                selection->voxels[voxel] = any ? PartSelection::Shown::kSome : PartSelection::Shown::kNone;
+                kept += any;
+              })
+              .has_value());
+  selection->id = IdOf(*selection);
+  View view = Looking({-190, -150, 120}, {10, 10, 40}, 256, 192);
+  view.mode = RenderMode::kAo;
+  view.parts.selection = selection;
+  const auto renderer = Renderer::Create(*scene, {64 << 20, 2});
+  REQUIRE(renderer.has_value());
+  std::set<uint32_t> touched;
+  REQUIRE((*renderer)
+              ->Render(view, TilesOf(view.crop),
+                       [&](size_t, const RenderedTile& tile, Renderer::Progress) {
+                         for (const BlockKey block : tile.blocks)
+                           if (block.kind() == BlockKind::kHot) touched.insert(block.index());
+                       })
+              .has_value());
+  CHECK(touched.size() > 3);
+  CHECK(touched.size() <= kept);
+  CHECK((*renderer)->counters().cache.loaded <= 2 * kept);
+  for (const uint32_t voxel : touched) CHECK(selection->voxels[voxel] != PartSelection::Shown::kNone);
 }
 
 TEST_CASE("A section keeps the part of a ray that lies in its planes", "[reference][inside]") {

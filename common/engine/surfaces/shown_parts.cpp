@@ -8,13 +8,14 @@
 namespace quarry {
 namespace {
 
-/// A box that no ray of the scene meets: turned inside out, and finite, since kernels multiply its sides.
+/// A box that no ray meets while it is in the scene's box: it lies beside that. Finite, since kernels multiply
+/// its sides.
 VoxelBounds NowhereOf(const SceneMeta& meta) {
   VoxelBounds nowhere;
   for (int a = 0; a < 3; ++a) {
     const float side = meta.root_upper[a] - meta.root_lower[a];
     nowhere.lower[a] = meta.root_upper[a] + side;
-    nowhere.upper[a] = meta.root_lower[a] - side;
+    nowhere.upper[a] = nowhere.lower[a] + side;
   }
   return nowhere;
 }
