@@ -23,7 +23,7 @@ function model() {
     for (const face of faces) lines.push(`f ${face.split(' ').map(n => Number(n) + vertices).join(' ')}`);
     vertices += 8;
   };
-  box('floor', '', [-1, -1, -1], [11, 9, 0]);
+  box('floor', '', [-1, -1, -1], [11, 9, -0.5]);
   for (const [group, lower, upper] of [['west wall', [0, 0, 0], [0.5, 8, 6]], ['east wall', [7.5, 0, 0], [8, 8, 6]], ['south wall', [0.5, 0, 0], [7.5, 0.5, 6]],
     ['north wall', [0.5, 7.5, 0], [7.5, 8, 6]], ['lid', [0, 0, 6], [8, 8, 6.5]], ['valve', [3, 3, 1], [5, 5, 3]]]) box('vessel', group, lower, upper);
   for (let i = 0; i < BOLTS; ++i) {
@@ -115,6 +115,7 @@ test('the tree has rows for what is in sight only, and obeys the keyboard', asyn
   assert.equal(await page.evaluate(() => document.activeElement.getAttribute('aria-expanded')), 'false');
   await page.keyboard.press('ArrowRight');
   await page.waitForFunction(() => document.activeElement.getAttribute('aria-expanded') === 'true');
+  await page.locator('#tree .row[aria-label^="bolt 0,"]').waitFor();
   await page.keyboard.press('End');
   await page.waitForFunction(last => document.activeElement.getAttribute('aria-label')?.startsWith(last), `bolt ${BOLTS - 1}`);
   const row = await page.evaluate(() => ['aria-level', 'aria-posinset', 'aria-setsize'].map(name => document.activeElement.getAttribute(name)));
@@ -184,6 +185,9 @@ test('a section is typed or dragged, and its caps are drawn', async () => {
   await page.press('#section-box input[aria-label="z to"]', 'Enter');
   assert.equal((await checkExact()).section.box[1][2], 2);
   await shoot(page, 'inside-section');
+  await page.mouse.click(...at(0.25, 4));  // the wall is solid where it is cut
+  await page.waitForFunction(() => /west wall[^]*Position\s*0\.2\d*, (3\.9|4)\d*, 2\s/.test(document.getElementById('pick').innerText));
+  await page.keyboard.press('Escape');
   const handle = await page.locator('#marks .handle.x1').boundingBox();
   await page.mouse.move(handle.x + 9, handle.y + 9);
   await page.mouse.down();
@@ -221,11 +225,11 @@ test('measurements take corners exactly, and follow a normal to the next surface
   await page.mouse.click(...at(2, 4));
   await page.waitForFunction(() => /no other surface/.test(document.getElementById('toast').innerText));
   await page.evaluate(() => window.quarry.setView({ ...window.quarry.view(), hide: ['vessel/west wall'],
-    camera: { eye: [-30, 4, 8], at: [1.5, 4, 0], up: [0, 0, 1], ortho: 16 } }));
+    camera: { eye: [-30, 4, 7.5], at: [1.5, 4, -0.5], up: [0, 0, 1], ortho: 16 } }));
   await untilExact(page);
   await page.mouse.click(700, 400);
   await page.waitForFunction(() => window.quarry.state().measured.length === 3);
-  assert.equal((await state()).measured[2], 'From a face: 6\u00a0units (x 0, y 0, z 6)');
+  assert.equal((await state()).measured[2], 'From a face: 6.5\u00a0units (x 0, y 0, z 6.5)');
   await shoot(page, 'inside-measured');
   await page.keyboard.press('m');
   await lookDown(['vessel/lid']);

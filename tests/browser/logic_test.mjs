@@ -6,7 +6,7 @@ import { beforeEye } from '../../master/display/page/marks/drawing.js';
 import { framesThrough, keptText, readFile } from '../../master/display/page/kept/kept_file.js';
 import { History } from '../../master/display/page/kept/history.js';
 import { checkedInside, fromFragment, toFragment } from '../../master/display/page/view_state.js';
-import { nearestOnLine, planeInBox, sectionOf, sharedBox, withSide } from '../../master/display/page/section/cut.js';
+import { nearestOnLine, planeInBox, roundedOut, sectionOf, sharedBox, withSide } from '../../master/display/page/section/cut.js';
 import { roundLength, unitName, withUnit } from '../../master/display/page/marks/units.js';
 import { FoundModel, TreeModel } from '../../master/display/page/parts/tree_model.js';
 import { angleAt, legsOf, snapped } from '../../master/display/page/measure/snap.js';
@@ -108,6 +108,7 @@ test('sections are checked, moved and drawn', () => {
   assert.deepEqual(withSide(box, 1, 1, -5, 0.1)[1], [1, 0.1, 3]);
   assert.deepEqual(sharedBox(box, [[-1, 1, 1], [5, 5, 5]]), [[0, 1, 1], [1, 2, 3]]);
   assert.equal(sharedBox(box, [[4, 4, 4], [5, 5, 5]]), null);
+  assert.deepEqual(roundedOut([[0, -1, 1e3], [16, 1.234, 1000.5]]), [[-0.01, -1.01, 999.99], [16.01, 1.24, 1000.51]]);
   assert.equal(planeInBox({ point: [0.5, 1, 1.4], normal: [1, 1, 1] }, [[0, 0, 0], [1, 2, 3]]).length, 5);
   assert.equal(planeInBox({ point: [0.5, 0.5, 0.5], normal: [1, 1, 1] }, [[0, 0, 0], [1, 1, 1]]).length, 6);
   assert.deepEqual(planeInBox({ point: [9, 9, 9], normal: [1, 0, 0] }, box), []);

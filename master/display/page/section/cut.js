@@ -37,6 +37,13 @@ export function sharedBox(a, b) {
   return lower.every((x, i) => x <= upper[i]) ? [lower, upper] : null;
 }
 
+/// A box a little larger, with round numbers: faces that lie in the cut itself would be cut or not by rounding.
+export function roundedOut([lower, upper]) {
+  const step = 10 ** (Math.floor(Math.log10(length(subtract(upper, lower)) || 1)) - 3);
+  const round = (x, to) => Number((to(x / step) * step).toPrecision(12));
+  return [lower.map((x) => round(x - step / 2, Math.floor)), upper.map((x) => round(x + step / 2, Math.ceil))];
+}
+
 /// The corners of the polygon in which a plane cuts a box, in their order around it.
 export function planeInBox({ point, normal }, box) {
   const ends = Array.from({ length: 8 }, (_, corner) => cornerOf(box, corner));

@@ -4,7 +4,7 @@ import { element } from '../formats.js';
 import { lengthText } from '../marks/units.js';
 import { rayOf } from '../camera.js';
 import { along, dot, scale, unit } from '../vectors.js';
-import { MOST_PLANES, nearestOnLine, planeInBox, sectionOf, sideMiddle, withSide } from './cut.js';
+import { MOST_PLANES, nearestOnLine, planeInBox, roundedOut, sectionOf, sideMiddle, withSide } from './cut.js';
 
 const $ = (id) => document.getElementById(id);
 const AXES = ['x', 'y', 'z'], SIDES = ['from', 'to'];
@@ -19,7 +19,7 @@ export class Section {
     Object.assign(this, app);
     this.fields = AXES.map((name, axis) => SIDES.map((word, side) => this.field(axis, side, `${name} ${word}`)));
     AXES.forEach((name, axis) => $('section-box').append(element('span', {}, name), ...this.fields[axis]));
-    $('section-box-on').addEventListener('change', ({ target }) => this.change({ box: target.checked ? this.box() : undefined }));
+    $('section-box-on').addEventListener('change', ({ target }) => this.change({ box: target.checked ? roundedOut(this.box()) : undefined }));
     $('section-caps').addEventListener('change', ({ target }) => this.change({ caps: target.checked }));
     $('section-remove').addEventListener('click', () => this.put(undefined));
     $('section-close').addEventListener('click', () => this.setOpen(false));
@@ -31,7 +31,7 @@ export class Section {
   /// Opens or closes the card and the handles. A model without a section gets a box around its shown parts.
   setOpen(isOpen) {
     $('section').hidden = !isOpen;
-    if (isOpen && !this.section) this.change({ box: this.box() });
+    if (isOpen && !this.section) this.change({ box: roundedOut(this.box()) });
     this.show();
     this.onChange();
   }
