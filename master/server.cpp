@@ -33,7 +33,7 @@ constexpr uint64_t kMaxQueuedBytes = 256u << 20;
 constexpr double kLogEveryS = 10;
 /// Bytes of half-read messages over all connections: the largest job and a margin, and for each block its
 /// mention in the status of a few workers that hold every block.
-constexpr uint64_t kIncomingBytes = 27u << 20, kIncomingBytesPerBlock = 16;
+constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
 
 /// Bytes of decoded blocks while an exposure is metered, once a job: the lattice's rays pass a block once or
 /// twice.

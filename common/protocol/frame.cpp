@@ -25,7 +25,7 @@ Limits LimitsOf(MessageType type) {
     case MessageType::kCatalog:
       return {0, 0xF0000000u};
     case MessageType::kRenderJob:
-      return {26u << 20, 0};  // kMaxFrames cameras take 9 MiB; and paths of parts
+      return {10u << 20, 0};  // kMaxFrames cameras take 9 MiB
     case MessageType::kLeave:
       return {128u << 10, 0};  // kMaxGivenBack
     case MessageType::kFrameSetup:

@@ -8,8 +8,8 @@
 namespace quarry {
 namespace {
 
-/// A box that no ray meets while it is in the scene's box: it lies beside that. Finite, since kernels multiply
-/// its sides.
+/// A box that no ray meets while it is in the scene's box: it lies beside that. Finite, since kernels
+/// multiply its sides.
 VoxelBounds NowhereOf(const SceneMeta& meta) {
   VoxelBounds nowhere;
   for (int a = 0; a < 3; ++a) {

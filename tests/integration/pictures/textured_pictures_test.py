@@ -110,7 +110,7 @@ class TexturedPictures(Case):
         self.assertTrue(self.info(stores["cut"])["opacity_masks"])
         for mode in ("raycast", "shadow", "whitted", "ao"):
             for name, store in stores.items():
-                self.picture(store, f"{name}.png", "--mode", mode, "--size", "320x240", "--exposure", 0, "--eye", "13,-7,9",
+                self.picture(store, f"{name}.png", "--mode", mode, "--no-edges", "--size", "320x240", "--exposure", 0, "--eye", "13,-7,9",
                              "--at", "5,5,1", "--up", "0,0,1", "--fov", 50,
                              *(["--sun", "0.3,0.2,1"] if mode in ("shadow", "whitted") else []))
             cut, bars = (pixels_of(self.path(f"{name}.png")) for name in stores)

@@ -118,7 +118,7 @@ TEST_CASE("Each kind of speaker may send its own messages only, and no larger on
   CHECK_FALSE(takes(Speaker::kVoxels, MessageType::kRenderJob, 100, 0));
   CHECK_FALSE(takes(Speaker::kVoxels, MessageType::kFrameDone, 0, 100));
   CHECK(takes(Speaker::kClient, MessageType::kRenderJob, 10 << 20, 0));
-  CHECK_FALSE(takes(Speaker::kClient, MessageType::kRenderJob, 27 << 20, 0));
+  CHECK_FALSE(takes(Speaker::kClient, MessageType::kRenderJob, 11 << 20, 0));
   CHECK_FALSE(takes(Speaker::kClient, MessageType::kTileDone, 100, 100));
   CHECK(takes(Speaker::kWorker, MessageType::kTileDone, 100, 52 << 10));
   CHECK_FALSE(takes(Speaker::kWorker, MessageType::kTileDone, 100, 257 << 10));
