@@ -28,8 +28,8 @@ class PartSelections {
   Result<std::shared_ptr<const PartTree>> Parts();
 
   /// Sets the view's selection: of its lists, with the closed parts if its section has caps. A view that
-  /// needs none keeps none. Errors: a path names no part (the sentence has the nearest one); all parts are
-  /// hidden; parts cannot be read.
+  /// needs none keeps none. Errors: a path names no part (the sentence has the nearest one); parts
+  /// cannot be read.
   Status Complete(View& view);
 
   /// A kept selection without caps by its id, with its lists. Null: it is not kept.

@@ -56,8 +56,8 @@ struct FrameDone {
   uint32_t frame = 0;
   std::string statistics;  ///< JSON
 };
-/// The parts that views show; views name it by its id. A worker keeps the newest kMostSelections of them, and
-/// those of its views.
+/// The parts that views show; views name it by its id. A worker keeps the newest kMostSelections, and
+/// the selections of its views.
 using SelectionSetup = PartSelection;
 inline constexpr size_t kMostSelections = 4;
 /// A frame to render. The id of the view's selection travels; the receiver puts the selection there.

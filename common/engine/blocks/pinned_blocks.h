@@ -99,13 +99,13 @@ class PinnedBlocks {
     const ResidentBlock* block = Find(BlockKey::Hot(voxel));
     if (!block) return nullptr;
     if (hidden_->voxels[voxel] == PartSelection::Shown::kAll) return &block->hot;
-    const auto [shown, is_new] = shown_.try_emplace(voxel);
-    if (is_new) {
-      shown->second = block->hot;
-      shown->second.hidden = hidden_->hidden.data();
-      shown->second.hidden_words = static_cast<uint32_t>(hidden_->hidden.size());
-    }
-    return &shown->second;
+    const auto [at, is_new] = shown_.try_emplace(voxel);
+    VoxelGeometry& shown = at->second;
+    if (is_new) shown = block->hot;
+    // Each time: a selection that was sent again has the id of one that may be gone, but bits of its own.
+    shown.hidden = hidden_->hidden.data();
+    shown.hidden_words = static_cast<uint32_t>(hidden_->hidden.size());
+    return &shown;
   }
 
   VoxelCache& cache_;

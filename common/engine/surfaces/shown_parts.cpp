@@ -31,7 +31,7 @@ ShownParts::ShownParts(const Catalog& catalog, std::shared_ptr<const PartSelecti
   bounds_ = catalog.bounds;
   for (uint32_t v = 0; v < bounds_.size(); ++v)
     if (is_hidden(v)) bounds_[v] = NowhereOf(catalog.meta);
-  // Headers of treelets are no nodes: only those that the root leads to are looked at.
+  // Headers of treelets are no nodes, so the walk follows links from the root.
   nodes_ = catalog.top_nodes;
   std::vector<uint32_t> ahead{0};
   while (!ahead.empty()) {

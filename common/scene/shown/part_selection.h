@@ -47,8 +47,8 @@ struct PartSelection {
   uint64_t id = 0;            ///< a hash of all below; never 0
   PartBits hidden;            ///< empty: no part is hidden
   std::vector<Shown> voxels;  ///< by voxel; empty as `hidden` is
-  /// For caps: the parts whose surface is closed, and those of them whose triangles face inward. Empty where
-  /// no cap is wanted.
+  /// For caps: the closed parts, and the closed parts whose triangles face inward. Empty where no cap is
+  /// wanted.
   PartBits closed, inverted;
   std::vector<glm::vec3> colors;   ///< linear RGB
   std::vector<uint16_t> color_of;  ///< by part: 0: its own; else a number in `colors`, plus 1

@@ -113,7 +113,7 @@ export class Inside {
     this.section.draw();
   }
 
-  /// The server makes no such selection; `members` are those of the last one.
+  /// The server makes no such selection; `members` belong to the last selection that it made.
   selectionRefused(sentence, members) {
     this.live.change(members);
     this.history.forgetSame();

@@ -61,6 +61,7 @@ class SameBits(Inside):
                              section={"box": [[-110, -95, -5], [165, 130, 120]], "caps": True,
                                       "planes": [{"point": [0, 0, 33], "normal": [0.2, -0.3, 1]}]})
             reference = self.render(store, mode, view, "--workers", 1, "--threads", 1, "--cache", "64M").read_bytes()
+            self.assertSeen(store, json.loads(pathlib.Path(view).read_text()), reference)
             for case in (("--workers", 2, "--threads", 2), ("--workers", 1, "--threads", 2, "--cache", largest)):
                 with self.subTest(mode=mode, case=case):
                     self.assertEqual(self.render(store, "c", view, *case).read_bytes(), reference)
@@ -72,6 +73,14 @@ class SameBits(Inside):
                 whole, part = read_exr(self.path(mode + ".exr")).rows, read_exr(crop).rows
                 for name in whole:
                     self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name])
+
+    def assertSeen(self, store, members, reference):
+        """Each member of the view changes the picture: none is without effect here."""
+        for member in ("hide", "colors", "section", "edges") if members["edges"] else ("hide", "section"):
+            without = {name: value for name, value in members.items() if name != member}
+            self.assertNotEqual(self.render(store, "without", self.view("without", **without)).read_bytes(), reference, member)
+        open_cut = dict(members, section=dict(members["section"], caps=False))
+        self.assertNotEqual(self.render(store, "without", self.view("without", **open_cut)).read_bytes(), reference, "caps")
 
     def test_hidden_parts_are_in_no_layer_and_a_shown_one_alone(self):
         model, store = self.path("plant.obj"), self.path("plant.quarry")

@@ -44,7 +44,7 @@ export function keptText(kept, scene) {
   return JSON.stringify({ format: FORMAT, version: VERSION, scene: scene.name, scene_id: scene.scene_id, ...kept }, null, 1) + '\n';
 }
 
-/// What a text holds: {kept}, {view}, {path} or {error: SENTENCE}; also `scene_id` where the file names one.
+/// Reads a text: {kept}, {view}, {path} or {error: SENTENCE}; also `scene_id` where the file names one.
 export function readFile(text) {
   let given;
   try {

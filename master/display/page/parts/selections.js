@@ -18,7 +18,7 @@ function isTooLong({ hide = [], only = [], colors = [] }, text) {
 
 export class Selections {
   /// `onChange()` runs when the server has answered, `onError(SENTENCE, MEMBERS)` when it takes no such selection;
-  /// MEMBERS are those of the last one that it has taken.
+  /// MEMBERS belong to the last selection that it has taken.
   constructor(connection, onChange, onError) {
     Object.assign(this, { connection, onChange, onError });
     this.live = null;  // set once, before the connection opens
