@@ -223,6 +223,29 @@ TEST_CASE("A list that reuses another list's number logs all its blocks") {
   CHECK(other == std::vector<BlockKey>{1_b});
 }
 
+TEST_CASE("A selection that is sent again brings its own bits to geometries that are kept") {
+  Fixture f(kBlock);
+  const uint32_t voxel = 1;
+  REQUIRE(f.Load(BlockKey::Hot(voxel)));
+  PinnedBlocks pins(f.cache);
+  std::vector<BlockKey> touched;
+  pins.LogTo(touched, pins.NewReader());
+  PartSelection selection{.hidden = {5}, .voxels = {PartSelection::Shown::kAll, PartSelection::Shown::kSome}};
+  selection.id = IdOf(selection);
+  const auto first = std::make_unique<PartSelection>(selection),
+             again = std::make_unique<PartSelection>(selection);
+  const auto bits_of = [&](const PartSelection& of) {
+    const VoxelFinder finder = pins.finder(of);
+    return finder.Find(voxel)->hidden;
+  };
+  CHECK(bits_of(*first) == first->hidden.data());
+  CHECK(bits_of(*again) == again->hidden.data());
+  PartSelection other = selection;
+  other.voxels[voxel] = PartSelection::Shown::kAll;
+  other.id = IdOf(other);
+  CHECK(bits_of(other) == nullptr);
+}
+
 TEST_CASE("A lack of memory is an error value") {
   CHECK_FALSE(PageBuffer::TryGet(size_t{1} << 50).has_value());
   PageBuffer buffer = *PageBuffer::TryGet(5000);
