@@ -65,6 +65,13 @@ Result<std::shared_ptr<const PartTree>> PartSelections::Parts() {
   return parts_;
 }
 
+Result<std::string> PartSelections::AttributesOf(uint32_t part) {
+  if (!attributes_) {
+    QUARRY_ASSIGN(attributes_, store_.part_sections().ReadAttributes());
+  }
+  return attributes_->Of(part);
+}
+
 Result<std::shared_ptr<const PartSelection>> PartSelections::Resolve(const PartLists* lists, bool caps) {
   QUARRY_ASSIGN(const auto tree, Parts());
   const PartTree& parts = *tree;

@@ -13,8 +13,8 @@
 namespace quarry {
 
 /// Resolves the lists of views to selections, for one scene. Reads the scene's parts when a list is first
-/// resolved, and keeps them. Not thread-safe: used on the io_context's thread.
-/// Memory: that of PartTree once it is needed, and kMostKept selections.
+/// resolved, and keeps them; the places of attributes likewise. Not thread-safe: used on the io_context's
+/// thread. Memory: that of PartTree and PartAttributes once they are needed, and kMostKept selections.
 class PartSelections {
  public:
   /// Limit of selections that are kept, beside those of views in use. A judgement: a viewer goes back through
@@ -26,6 +26,10 @@ class PartSelections {
 
   /// The scene's parts. Errors: they cannot be read.
   Result<std::shared_ptr<const PartTree>> Parts();
+
+  /// What the model states of a part beside its name, a JSON object; empty: nothing. Errors: it cannot be
+  /// read.
+  Result<std::string> AttributesOf(uint32_t part);
 
   /// Sets the view's selection: of its lists, with the closed parts if its section has caps. A view that
   /// needs none keeps none. Errors: a path names no part (the sentence has the nearest one); parts
@@ -52,6 +56,7 @@ class PartSelections {
 
   const StoreReader& store_;
   std::shared_ptr<const PartTree> parts_;
+  std::optional<PartAttributes> attributes_;
   std::deque<Kept> kept_;  ///< the newest first
 };
 

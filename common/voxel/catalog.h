@@ -41,6 +41,7 @@ enum class SectionType : uint32_t {
   kLights = 0x4554494C,            // "LITE"
   kPartTree = 0x45525450,          // "PTRE"
   kVoxelParts = 0x54525056,        // "VPRT"
+  kPartAttributes = 0x54544150,    // "PATT"
   kModels = 0x534C444D,            // "MDLS"
 };
 

@@ -38,6 +38,7 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kLights, false, 1 << 20},
     {SectionType::kPartTree, false, kGiB / 4 / sizeof(uint32_t) * kScenePartBytes},
     {SectionType::kVoxelParts, false, 4 * kGiB},
+    {SectionType::kPartAttributes, false, 4 * kGiB},
     {SectionType::kModels, false, sizeof(uint32_t) + kMostModelNames*(kMostModelNameBytes + 1)},
     {SectionType::kBlocks, false, kUnlimited},
     {SectionType::kProxies, false, kUnlimited},
@@ -133,7 +134,7 @@ Result<Bytes> StoreReader::ReadBytes(const SectionEntry& entry) const {
 /// Checks a section that does not stay in memory.
 Status StoreReader::CheckBytes(const SectionEntry& entry) const {
   const bool entries = entry.type == SectionType::kParts || entry.type == SectionType::kPartTree ||
-                       entry.type == SectionType::kVoxelParts;
+                       entry.type == SectionType::kVoxelParts || entry.type == SectionType::kPartAttributes;
   RunningChecksum checksum;
   Bytes piece;
   for (uint64_t at = 0; at < entry.size; at += piece.size()) {
@@ -214,6 +215,7 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
       of_parts.lists = {e.offset, e.size};
       of_parts.has_lists = true;
     }
+    if (e.type == SectionType::kPartAttributes) of_parts.attributes = {e.offset, e.size};
     if (e.type == SectionType::kBlocks) {
       blocks_begin_ = e.offset;
       blocks_end_ = e.offset + e.size;

@@ -33,7 +33,9 @@ StoreVerifier::StoreVerifier(const StoreReader& store) : store_(store), blocks_e
 }
 
 Status StoreVerifier::CheckPartTree() const {
-  return store_.part_sections().ReadTree(store_.catalog().meta.input_triangles).map([](auto&&) {});
+  const PartSections& sections = store_.part_sections();
+  QUARRY_TRY(sections.ReadTree(store_.catalog().meta.input_triangles).map([](auto&&) {}));
+  return sections.ReadAttributes().and_then([](const PartAttributes& all) { return all.Check(); });
 }
 
 Status StoreVerifier::CheckHot(uint32_t voxel, std::span<const std::byte> stored) {

@@ -12,7 +12,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 15;
+constexpr uint32_t kSectionCount = 16;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
@@ -218,6 +218,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kLights, std::move(lights)});
   sections.push_back({SectionType::kPartTree, EncodePartTree(parts.facts)});
   sections.push_back({SectionType::kVoxelParts, parts_.bytes});
+  sections.push_back({SectionType::kPartAttributes, EncodePartAttributes(parts.attributes)});
 
   const Bytes facts = EncodeMeta(LogicalMeta(meta)), texture_facts = EncodeTextureFacts(textures);
   std::vector<std::span<const std::byte>> logical;

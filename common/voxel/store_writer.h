@@ -100,7 +100,8 @@ class StoreWriter {
   /// Whether a vertex has a colour.
   bool has_colors() const { return colored_; }
   /// Writes all other sections and computes the scene id. Fills in `meta`: sizes, the LZ4 version, `masks`,
-  /// `uncolored`. `parts`: facts of as many parts as names, parents before children. `models`: the names of
+  /// `uncolored`. `parts`: facts of as many parts as names, parents before children; attributes as
+  /// EncodePartAttributes(). `models`: the names of
   /// the models' files, without zeros in them; not part of the scene id.
   Result<SceneId> Finish(SceneMeta meta, const std::vector<KdNode>& top_nodes,
                          const std::vector<Material>& materials, const PartTable& parts,

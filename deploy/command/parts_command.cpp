@@ -40,7 +40,7 @@ std::string LineOf(const PartTree& tree, uint32_t part) {
 }
 
 /// Facts that the store does not have are null. The box is in the model's coordinates.
-Json JsonOf(const PartTree& tree, uint32_t part, const glm::dvec3& offset) {
+Json JsonOf(const PartTree& tree, uint32_t part, const std::string& attributes, const glm::dvec3& offset) {
   const PartTree::Total& total = tree.total(part);
   const bool own = tree[part].triangles > 0;
   const uint32_t flags = tree[part].flags, parent = tree[part].parent;
@@ -57,6 +57,7 @@ Json JsonOf(const PartTree& tree, uint32_t part, const glm::dvec3& offset) {
       const glm::dvec3 at = glm::dvec3(corner) + offset;
       j["box"].push_back({at.x, at.y, at.z});
     }
+  if (!attributes.empty()) j["attributes"] = Json::parse(attributes);
   return j;
 }
 
@@ -79,10 +80,12 @@ Status PrintParts(const std::string& scene, const std::string& find, bool json, 
   QUARRY_ASSIGN(const StoreReader store, OpenStore(scene, http));
   QUARRY_ASSIGN(const std::shared_ptr<const PartTree> tree, PartTree::Read(store));
   if (json) {
+    QUARRY_ASSIGN(const PartAttributes attributes, store.part_sections().ReadAttributes());
     PrintRaw("[");
     const char* separator = "\n";
     for (const uint32_t part : tree->Find(find, 0, tree->size()).parts) {
-      const Json j = JsonOf(*tree, part, store.catalog().meta.offset);
+      QUARRY_ASSIGN(const std::string own, attributes.Of(part));
+      const Json j = JsonOf(*tree, part, own, store.catalog().meta.offset);
       if (!PrintRaw(separator + j.dump(-1, ' ', false, Json::error_handler_t::replace))) return {};
       separator = ",\n";
     }

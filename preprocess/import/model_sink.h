@@ -58,6 +58,9 @@ class ModelSink {
   virtual uint32_t AddPart(std::string_view name, uint32_t parent) = 0;
   /// A part of its own, even if another below the parent has the name: " #2" is added then, or " #3".
   virtual uint32_t AddSibling(std::string_view name, uint32_t parent) = 0;
+  /// States what the model says of a part beside its name, as a JSON object: at most once of a part, after it
+  /// is added and before the next one. An object beyond PartAttributes' limits is left out with a warning.
+  virtual void SetAttributes(uint32_t /*part*/, std::string /*json*/) {}
 
   /// Makes the vertices' alpha count for `material`: a triangle whose corners have the mean alpha n /
   /// kAlphaLevels, rounded, gets the material `first` + n in its place; one of alpha 1 keeps it. Before the

@@ -6,6 +6,8 @@
 #include <glm/geometric.hpp>
 #include <limits>
 
+#include "common/voxel/parts/part_attributes.h"
+#include "preprocess/import/text/text_number.h"
 #include "preprocess/spill/saved_tables.h"
 
 namespace quarry {
@@ -67,6 +69,18 @@ uint32_t SceneTables::AddPart(std::string_view name, uint32_t parent) {
 
 uint32_t SceneTables::AddSibling(std::string_view name, uint32_t parent) {
   return AddApart(file_parts_, name, ParentFor(parent));
+}
+
+void SceneTables::SetAttributes(uint32_t part, std::string json) {
+  if (IsAttributes(json)) {
+    tables_.parts.attributes.push_back({part, std::move(json)});
+    return;
+  }
+  if (!warned_of_attributes_)
+    Warn(fmt::format("{}: attributes of part {} are left out: they have more than {} bytes or {} levels",
+                     file_name_, Quoted(tables_.parts.names[part]), kMostAttributeBytes,
+                     kMostAttributeLevels));
+  warned_of_attributes_ = true;
 }
 
 uint32_t SceneTables::FileRoot() {
@@ -139,6 +153,11 @@ void SceneTables::Save(ByteWriter& out) const {
   PutMaterials(tables_.materials, out);
   PutTexts(tables_.parts.names, out);
   out.PutArray(tables_.parts.facts);
+  out.Put(uint64_t{tables_.parts.attributes.size()});
+  for (const StatedAttributes& stated : tables_.parts.attributes) {
+    out.Put(stated.part);
+    PutText(stated.json, out);
+  }
   PutTexts(tables_.warnings, out);
   PutTexts(tables_.notes, out);
   PutViews(tables_.views, out);
@@ -148,6 +167,10 @@ void SceneTables::Restore(ByteReader& in) {
   tables_.materials = GetMaterials(in);
   tables_.parts.names = GetTexts(in);
   tables_.parts.facts = in.GetArray<ScenePart>(tables_.parts.names.size());
+  for (auto left = in.Get<uint64_t>(); left > 0 && in.ok(); --left) {
+    const auto part = in.Get<uint32_t>();
+    tables_.parts.attributes.push_back({part, GetText(in)});
+  }
   tables_.warnings = GetTexts(in);
   tables_.notes = GetTexts(in);
   tables_.views = GetViews(in);

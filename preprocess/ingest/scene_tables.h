@@ -36,6 +36,7 @@ class SceneTables {
   uint32_t AddMaterial(const Material& material, double unit_length = 1);
   uint32_t AddPart(std::string_view name, uint32_t parent);
   uint32_t AddSibling(std::string_view name, uint32_t parent);
+  void SetAttributes(uint32_t part, std::string json);
   /// The material of faces without a material, added on first use.
   uint32_t DefaultMaterial();
   /// The part of faces without a part, named after the file, added on first use.
@@ -79,6 +80,7 @@ class SceneTables {
   PartsByName file_parts_;  ///< of the current file
   PartsByName files_;       ///< roots of files that are kept apart
   bool warned_of_views_ = false;
+  bool warned_of_attributes_ = false;
 };
 
 }  // namespace quarry

@@ -55,6 +55,9 @@ class SpillSink final : public ModelSink {
   uint32_t AddSibling(std::string_view name, uint32_t parent) override {
     return tables_.AddSibling(name, parent);
   }
+  void SetAttributes(uint32_t part, std::string json) override {
+    tables_.SetAttributes(part, std::move(json));
+  }
   bool takes_textures() const override { return textures_; }
   Result<uint32_t> AddTexture(TextureImage image) override { return images_.Add(std::move(image)); }
   void AddCamera(NamedCamera camera) override { tables_.AddCamera(std::move(camera), coordinates_); }

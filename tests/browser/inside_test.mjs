@@ -343,4 +343,37 @@ test('a long press opens the menu on a phone', async () => {
   await phone.context().close();
 });
 
+/** A glTF of two triangles side by side, whose nodes have names, and one `extras`. */
+function tagged() {
+  const data = Buffer.from(new Float32Array([0, 0, 0, 1, 0, 0, 0, 0, 1]).buffer);
+  return JSON.stringify({
+    asset: { version: '2.0' }, buffers: [{ uri: `data:application/octet-stream;base64,${data.toString('base64')}`, byteLength: data.length }],
+    bufferViews: [{ buffer: 0, byteLength: data.length }], accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: 'VEC3', min: [0, 0, 0], max: [1, 0, 1] }],
+    meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }], scenes: [{ nodes: [0, 1] }],
+    nodes: [{ name: 'plain', mesh: 0 }, { name: 'valve', mesh: 0, translation: [2, 0, 0], extras: { tag: 'V-101', 'mass <kg>': 2.5, checked: { by: 'B' } } }],
+  });
+}
+
+test('the card of a part shows what the model states of it', async () => {
+  const own = new Cluster();
+  try {
+    await own.beginWith('tagged.gltf', tagged());
+    own.addWorker();
+    const other = await open(own.url, { viewport: { width: 1000, height: 600 } });
+    await untilExact(other);
+    await other.click('#tool-parts');
+    const row = name => other.locator(`#tree .row[aria-label^="${name}"]`);
+    await row('valve').click();
+    await other.waitForFunction(() => /V-101/.test(document.getElementById('pick').innerText));
+    assert.match(await other.locator('#pick').innerText(), /checked\s*{"by":"B"}[^]*mass <kg>\s*2\.5[^]*tag\s*V-101/);
+    await shoot(other, 'inside-attributes');
+    await row('plain').click();
+    await other.waitForFunction(() => /plain/.test(document.getElementById('pick-title').innerText));
+    assert.doesNotMatch(await other.locator('#pick').innerText(), /V-101/);
+    await other.context().close();
+  } finally {
+    await own.end();
+  }
+});
+
 test('no page has raised an error', () => assert.deepEqual(errors, []));

@@ -12,6 +12,9 @@ BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2
 TRIANGLES, VOXEL_SIZE, CACHE = 120000, "16K", "2M"
 FRAMES = range(0, 60, 6)  # of the walk's 60
 MODES = ("shadow", "whitted")
+# What a walk in mode whitted shows of the plant: parts are hidden and coloured, and a cut has caps.
+INSIDE = {"hide": ["roof", "*pipe 1*"], "colors": [{"parts": ["chimney*"], "color": [0.8, 0.1, 0.1]}],
+          "section": {"planes": [{"point": [0, 0, 33], "normal": [0.2, -0.3, 1]}]}}
 
 
 class Stage:
@@ -21,9 +24,10 @@ class Stage:
         self.bad_worker = BIN / "quarry-test-bad-worker"
         self.store = self._store("scene", 1)
         self.older = self._store("older", 2)
-        self.path = str(self.folder / "walk.json")
         walk = self._walk()
-        pathlib.Path(self.path).write_text(json.dumps(walk))
+        for mode in MODES:
+            shown = {"view": INSIDE} if mode == "whitted" and not textured else {}
+            self._path(mode).write_text(json.dumps({**walk, **shown}))
         self.images = {}
         for mode in MODES:
             folder = self.folder / mode
@@ -34,7 +38,10 @@ class Stage:
             assert len(self.images[mode]) == len(FRAMES)
 
     def render_options(self, mode):
-        return ["--camera-path", self.path, "--size", "160x120", "--spp", "4", "--mode", mode]
+        return ["--camera-path", str(self._path(mode)), "--size", "160x120", "--spp", "4", "--mode", mode]
+
+    def _path(self, mode):
+        return self.folder / f"walk-{mode}.json"
 
     def _walk(self):
         if self.textured:

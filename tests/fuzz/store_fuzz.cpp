@@ -33,6 +33,8 @@ void Read(const void* data, size_t size) {
     const quarry::Status status = store->Verify([](uint64_t, uint64_t) {});
     if (!status && status.error().message.empty()) std::abort();
     if (const auto tree = quarry::PartTree::Read(*store)) Select(**tree);
+    if (const auto attributes = store->part_sections().ReadAttributes())
+      for (uint32_t part = 0; part < 16; ++part) (void)attributes->Of(part);
   } else if (store.error().message.empty()) {
     std::abort();
   }

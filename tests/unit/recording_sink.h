@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -27,6 +28,7 @@ struct RecordingSink : ModelSink {
   std::vector<NamedCamera> cameras;
   std::vector<NamedLight> lights;
   std::vector<std::string> parts, warnings;
+  std::map<uint32_t, std::string> attributes;  ///< by part
   std::vector<glm::dvec3> positions;
   std::vector<Rgba8> colors;
   std::vector<glm::vec3> normals;
@@ -70,6 +72,7 @@ struct RecordingSink : ModelSink {
     parts.push_back(parts[part] + " again");
     return static_cast<uint32_t>(before);
   }
+  void SetAttributes(uint32_t part, std::string json) override { attributes[part] = std::move(json); }
   void AddCamera(NamedCamera camera) override { cameras.push_back(std::move(camera)); }
   void AddLight(NamedLight light) override { lights.push_back(std::move(light)); }
   bool takes_textures() const override { return true; }

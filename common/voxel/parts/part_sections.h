@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/voxel/parts/part_attributes.h"
 #include "common/voxel/store_names.h"
 
 namespace quarry {
@@ -36,10 +37,11 @@ static_assert(sizeof(ScenePart) == kScenePartBytes, "part_tree.h states the memo
 /// Most parts on the way from a root to a part, itself included. It bounds paths.
 inline constexpr uint32_t kMostPartLevels = 256;
 
-/// The parts of a scene, for writing: names and facts by number.
+/// The parts of a scene, for writing: names and facts by number, and what models state beside.
 struct PartTable {
-  std::vector<std::string> names;  ///< each part's own, without a zero in it
-  std::vector<ScenePart> facts;    ///< as many
+  std::vector<std::string> names;            ///< each part's own, without a zero in it
+  std::vector<ScenePart> facts;              ///< as many
+  std::vector<StatedAttributes> attributes;  ///< of some parts, by ascending number
 };
 
 /// Encode the section PTRE, and a voxel's piece of the section VPRT: its parts, in any order, repeated or
@@ -73,11 +75,11 @@ class PartListReader {
   std::vector<uint32_t> parts_;
 };
 
-/// The sections PTRE and VPRT of a store's file, read when asked for. Thread-safe.
+/// The sections PTRE, VPRT and PATT of a store's file, read when asked for. Thread-safe.
 class PartSections {
  public:
   struct Places {
-    StoreNames::Place tree, lists;
+    StoreNames::Place tree, lists, attributes;
     bool has_tree = false, has_lists = false;
   };
   /// `file` and `names` must outlive this.
@@ -94,6 +96,10 @@ class PartSections {
   /// The path of a part (part_path.h), empty when there is no such part. Errors: as ReadTree(), of the parts
   /// on the way.
   Result<std::string> Path(uint32_t part) const;
+  /// Errors: as PartAttributes::Read().
+  Result<PartAttributes> ReadAttributes() const {
+    return PartAttributes::Read(file_, places_.attributes, names_.part_count());
+  }
   /// Requires: has_lists().
   PartListReader Lists() const { return {file_, places_.lists, names_.part_count()}; }
 

@@ -185,9 +185,12 @@ export class Inside {
   }
 
   /// The facts of a part that was chosen in the tree.
-  showRow(parts) {
-    if (parts.length === 1) this.card.showPart(parts[0]);
-    else this.card.close();
+  async showRow(parts) {
+    if (parts.length !== 1) return this.card.close();
+    const [part] = parts;
+    this.card.showPart(part);
+    const known = await this.parts.source.part(part.id);  // with its attributes
+    if (known && this.card.part === part) this.card.showPart(known.part);
   }
 
   measureChanged() {

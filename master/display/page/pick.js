@@ -5,6 +5,18 @@ import { lengthText, unitName } from './marks/units.js';
 import { project } from './camera.js';
 
 const $ = (id) => document.getElementById(id);
+/// Most attributes of a part that are shown, and most letters of one.
+const MOST_ATTRIBUTES = 40, MOST_LETTERS = 300;
+
+/// The attributes of a part as rows of the card.
+function attributeRows(attributes) {
+  const text = (value) => shown(typeof value === 'string' ? value : JSON.stringify(value));
+  const short = (all) => (all.length > MOST_LETTERS ? `${all.slice(0, MOST_LETTERS)}…` : all);
+  const rows = Object.entries(attributes).map(([name, value]) => [short(shown(name)), short(text(value))]);
+  const more = rows.length - MOST_ATTRIBUTES;
+  return more > 0 ? [...rows.slice(0, MOST_ATTRIBUTES), ['…', `${more.toLocaleString('en')} more`]] : rows;
+}
+
 
 /// A mark at a point of the scene.
 export class Mark {
@@ -72,6 +84,7 @@ export class PickCard {
       ['Triangles', part?.triangles?.toLocaleString('en')],
       ['Size', part?.box ? this.sizeText(part.box) : null],
       ['Surface', part?.children === 0 && part.closed !== null ? (part.closed ? 'closed' : 'open') : null],
+      ...attributeRows(part?.attributes ?? {}),
       ...(hit ? [
         ['Position', hit.position.map(coordinate).join(', ')],
         ['Distance', coordinate(hit.distance)],

@@ -145,11 +145,14 @@ HttpResponse PartsPage::Answer(const HttpRequest& request) const {
   if (!tree) return Refused(500, tree.error().message);
   const auto question = ReadQuestion(request.query, (*tree)->size());
   if (!question) return Refused(400, question.error().message);
-  return {
-      .content_type = "application/json",
-      .body =
-          AnswerTo(*question, **tree, offset_).dump(-1, ' ', false, ordered_json::error_handler_t::replace) +
-          "\n"};
+  ordered_json answer = AnswerTo(*question, **tree, offset_);
+  if (question->id) {
+    const auto attributes = selections_.AttributesOf(*question->id);
+    if (!attributes) return Refused(500, attributes.error().message);
+    if (!attributes->empty()) answer["parts"][0]["attributes"] = ordered_json::parse(*attributes);
+  }
+  return {.content_type = "application/json",
+          .body = answer.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n"};
 }
 
 }  // namespace quarry

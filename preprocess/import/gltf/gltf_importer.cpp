@@ -75,7 +75,7 @@ class GltfImport {
     const std::string where = fmt::format("nodes[{}]", node.index);
     QUARRY_ASSIGN(const uint64_t mesh_index, document_.Unsigned(*node.json, where, "mesh"));
     QUARRY_ASSIGN(const Json* mesh, document_.Find("meshes", mesh_index));
-    const uint32_t part = parts_.Of(node.index, mesh->value("name", ""));
+    const uint32_t part = parts_.Of(node.index, *mesh);
     if (!mesh->contains("primitives") || !mesh->at("primitives").is_array())
       return document_.FailAt(fmt::format("meshes[{}] has no primitives", mesh_index));
     joints_.clear();

@@ -19,8 +19,9 @@ class GltfParts {
   /// Notes the place of a node. Parents come before their children.
   void Met(const GltfNodes::Node& node);
   /// The part of a node's mesh. A node without a name has the mesh's; without both, the mesh belongs to the
-  /// part of the nearest ancestor with a name. kNoIndex: there is none. Requires: Met() of the node.
-  uint32_t Of(uint64_t node, const std::string& mesh_name);
+  /// part of the nearest ancestor with a name. kNoIndex: there is none. A new part's attributes are the
+  /// `extras` of its node, and the mesh's where the node has no such member. Requires: Met() of the node.
+  uint32_t Of(uint64_t node, const nlohmann::json& mesh);
 
  private:
   struct Place {
@@ -28,6 +29,8 @@ class GltfParts {
     uint32_t part = kNoIndex;
     bool made = false;  ///< `part` is the node's, or that of the nearest ancestor with one
   };
+
+  void SetAttributes(uint32_t part, const nlohmann::json& node, const nlohmann::json* mesh);
 
   const GltfDocument& document_;
   ModelSink& sink_;

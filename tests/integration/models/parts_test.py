@@ -86,6 +86,21 @@ class Parts(Case):
         self.assertEqual(self.info(store)["parts"], [part["path"] for part in self.parts(store)])
         self.must("quarry", "verify", store)
 
+    def test_extras_of_gltf_are_attributes(self):
+        model = json.loads(gltf())
+        model["nodes"][1]["extras"] = {"tag": "V-101", "mass": {"kg": 2.5}, "höhe": "3 m"}
+        model["nodes"][3]["extras"] = {"long": "x" * 20000}
+        model["nodes"][4]["extras"] = [1, 2]
+        path = self.written("m.gltf", json.dumps(model))
+        result = self.must("quarry-preprocess", path, "-o", self.path("s.quarry"))
+        self.assertIn("attributes of part \"hall 1/2\" are left out: they have more than 16384 bytes", result.stderr)
+        self.must("quarry", "verify", self.path("s.quarry"))
+        self.assertEqual({part["id"]: part["attributes"] for part in self.parts(self.path("s.quarry")) if "attributes" in part},
+                         {1: {"tag": "V-101", "mass": {"kg": 2.5}, "höhe": "3 m"}, 4: {"extras": [1, 2]}})
+        del model["nodes"][1]["extras"]
+        other = self.store(self.written("n.gltf", json.dumps(model)), name="n.quarry")
+        self.assertNotEqual(self.info(other)["scene_id"], self.info(self.path("s.quarry"))["scene_id"])
+
     def test_parts_are_found_by_pieces_of_names_and_paths(self):
         store = self.store(self.written("m.gltf", gltf()))
         numbers = lambda text: [part["id"] for part in self.parts(store, "--find", text)]
@@ -129,12 +144,12 @@ class Parts(Case):
         self.assertTrue(any(part["closed"] for part in parts))
 
     def test_a_store_of_before_opens(self):
-        """Without the sections PTRE and VPRT, which older programs do not write."""
+        """Without the sections PTRE, VPRT and PATT, which older programs do not write."""
         store = self.store(self.written("m.gltf", gltf()))
         data = bytearray(pathlib.Path(store).read_bytes())
         count = struct.unpack_from("<I", data, 12)[0]
         for entry in range(64, 64 + 40 * count, 40):
-            if data[entry:entry + 4] in (b"PTRE", b"VPRT"):
+            if data[entry:entry + 4] in (b"PTRE", b"VPRT", b"PATT"):
                 data[entry:entry + 1] = b"?"  # a type that no program knows
         xxh3 = ctypes.CDLL("libxxhash.so.0").XXH3_64bits
         xxh3.restype, xxh3.argtypes = ctypes.c_uint64, (ctypes.c_char_p, ctypes.c_size_t)

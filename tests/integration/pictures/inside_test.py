@@ -146,6 +146,15 @@ class Caps(Inside):
         self.assertEqual(self.capped_area(self.made(lines)), 0)
 
 
+    def test_a_scan_has_none(self):
+        scan = pathlib.Path(__file__).parents[4] / "shared/scenes/bunny/bun_zipper.ply"
+        if not scan.exists():
+            self.skipTest("../shared/scenes is not there")
+        store = self.path("scan.quarry")
+        self.must("quarry-preprocess", scan, "-o", store, "--scale", 20, "--quiet")
+        self.assertEqual(self.capped_area(store), 0)
+
+
 class Refused(Inside):
     def test_what_cannot_be_gets_one_sentence(self):
         store = self.store("plant", 20000)

@@ -251,6 +251,26 @@ TEST_CASE("glTF: parts lie below their nodes' ancestors, siblings of one name ap
   CHECK(sink.polygons[10].part == 6);
 }
 
+TEST_CASE("glTF: extras of nodes and meshes are attributes of their parts", "[import][gltf][parts]") {
+  RecordingSink sink;
+  REQUIRE(Import(Square([](Builder& b) {
+                   b.json["meshes"][0]["extras"] = {{"tag", "of the mesh"}, {"mass", 2}};
+                   b.json["nodes"] = {
+                       {{"name", "plant"}, {"extras", {{"owner", "B"}}}, {"children", {1, 2, 3}}},
+                       {{"name", "valve"}, {"mesh", 0}, {"extras", {{"tag", "V-101"}}}},
+                       {{"name", "pump"}, {"mesh", 0}, {"extras", "no object"}},
+                       {{"name", "pipe"}, {"mesh", 0}, {"extras", nullptr}}};
+                   b.json["scenes"] = {{{"nodes", {0}}}};
+                 }),
+                 sink)
+              .empty());
+  CHECK(sink.attributes ==
+        std::map<uint32_t, std::string>{{0, R"({"owner":"B"})"},
+                                        {1, R"({"mass":2,"tag":"V-101"})"},
+                                        {2, R"({"extras":"no object","mass":2,"tag":"of the mesh"})"},
+                                        {3, R"({"mass":2,"tag":"of the mesh"})"}});
+}
+
 TEST_CASE("glTF: a mesh without a name belongs to the nearest ancestor with one", "[import][gltf][parts]") {
   RecordingSink sink;
   REQUIRE(Import(Square([](Builder& b) {

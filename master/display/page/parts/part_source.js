@@ -1,6 +1,7 @@
 // The parts of the model, as the server lists them: in pages, fetched when rows of them come in sight.
 //
-// A part is {id, name, path, children, triangles, box, closed, parent}, as PROTOCOL.md states it.
+// A part is {id, name, path, children, triangles, box, closed, parent}, as PROTOCOL.md states it; one that was asked for by
+// its number may have {attributes}.
 
 const PAGE = 200;
 /// Pages that a list keeps; the longest unused go first.
