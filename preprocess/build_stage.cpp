@@ -198,6 +198,7 @@ Status BuildStage::Finish(PreprocessStatistics& statistics) {
   statistics.textures = textures_.Statistics(*writer_);
   statistics.warnings += statistics.textures.left_out;
   textures_.Renumber(scene_.materials, *writer_);
+  writer_->SetEmitters(std::move(scene_.emitters));
   QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta, top, scene_.materials, scene_.parts, scene_.views,
                                                      ModelNamesOf(options_)));
   statistics.store_bytes = writer_->bytes_written();

@@ -16,6 +16,7 @@ namespace quarry {
 
 class PendingRays;
 class TileFilm;
+struct PathPacket;
 
 /// Resizes memory of a tile, and gives it back if nothing is left.
 template <class T>
@@ -49,6 +50,7 @@ struct PacketWork {
   SamplePacket& samples;
   TextureLookups* const lookups;  ///< null: no textures are looked up
   CutPacket* const cut;           ///< null: all hits count
+  PathPacket* const path;         ///< null: the integrator needs none
   PendingRays& pending;
   TileFilm& film;
   PinnedBlocks* const pins;  ///< null while a tile is opened

@@ -60,6 +60,13 @@ struct SamplePacket {
     std::fill_n(depth, kLanes, uint8_t{0});
     std::fill_n(pending_count, kLanes, uint8_t{0});
   }
+  /// The same in one lane.
+  void BeginPath(uint32_t lane) {
+    weight.Set(static_cast<int>(lane), glm::vec3(1));
+    t_end[lane] = kInfinity;
+    path_code[lane] = kPrimaryPath;
+    depth[lane] = pending_count[lane] = 0;
+  }
   void Move(uint64_t lanes, Stage from, Stage to) {
     at[from] &= ~lanes;
     at[to] |= lanes;

@@ -19,6 +19,10 @@ namespace quarry {
 
 namespace {
 
+/// Packets with at most so many samples under way take new ones, where the integrator refills. Trades the
+/// occupancy of vectors against rays of the camera, which are made 64 together. A judgement.
+constexpr int kRefilledAt = 48;
+
 /// Sets the layers of a pixel by its sample 0.
 void WriteLayers(PacketWork& work, uint32_t lane) {
   const SamplePacket& s = work.samples;
@@ -35,14 +39,14 @@ void WriteLayers(PacketWork& work, uint32_t lane) {
                       albedo);
 }
 
-/// Primary rays begin as cones of a pixel's width.
-void StartCones(PacketWork& work) {
+/// The primary rays of `lanes` begin as cones of a pixel's width.
+void StartCones(PacketWork& work, uint64_t lanes) {
   const PixelCone cone = work.view.cone;
-  for (int i = 0; i < SamplePacket::kLanes; ++i) {
+  ForEachLane(lanes, [&](uint32_t i) {
     work.lookups->cone_width[i] = cone.width + cone.spread * work.samples.t_offset[i];
     work.lookups->cone_spread[i] = cone.spread;
-  }
-  work.lookups->looked_up = 0;
+  });
+  work.lookups->looked_up &= ~lanes;
 }
 
 }  // namespace
@@ -76,6 +80,7 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   const Integrator::Needs needs = integrator.needs();
   makes_surfaces_ = needs.surfaces;
   makes_pixels_ = needs.pixels;
+  refills_ = needs.refills;
   first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
   const auto packets = static_cast<uint32_t>(
       std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
@@ -83,6 +88,8 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   samples_.resize(packets);
   Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
+  Fit(paths_, needs.paths ? packets : 0);
+  std::ranges::fill(unfinished_, 0);
   pending_.Open(packets, needs.pending_rays, !lookups_.empty());
   for (uint32_t packet = 0; packet < packets; ++packet) {
     PacketWork work = WorkOn(packet, nullptr);
@@ -105,6 +112,7 @@ PacketWork TileRenderer::WorkOn(uint32_t packet, PinnedBlocks* pins) {
           samples_[packet],
           lookups_.empty() ? nullptr : &lookups_[packet],
           cuts_.empty() ? nullptr : &cuts_[packet],
+          paths_.empty() ? nullptr : &paths_[packet],
           pending_,
           film_,
           pins,
@@ -128,24 +136,28 @@ void TileRenderer::LeaveHoles(uint32_t packet) {
   batch_.Forget(packet);
 }
 
-/// Fills a packet whose samples have ended with the next first rays that meet the scene's box.
+/// Fills the lanes of a packet whose samples have ended with the next first rays that meet the scene's box.
 void TileRenderer::Start(PacketWork& work) {
   SamplePacket& s = work.samples;
+  uint64_t& unfinished = unfinished_[work.number];
+  const uint64_t free = ~unfinished;
   uint64_t started = 0;
   while (started == 0 && source_->left() > 0) {
-    const RaySource::Lanes lanes = source_->Next(s, work.rays);
+    const RaySource::Lanes lanes = source_->Next(free, s, work.rays);
     batch_.Began(std::popcount(lanes.in_box | lanes.missing_box));
-    ForEachLane(lanes.missing_box, [&](uint32_t i) { Miss(work, i); });
+    integrator_->Begin(work, lanes.in_box | lanes.missing_box);
+    Miss(work, lanes.missing_box);
     started = lanes.in_box;
   }
-  if (work.lookups) StartCones(work);
+  if (work.lookups) StartCones(work, free);
   if (makes_pixels_ && film_.edges().any())
     ForEachLane(started, [&](uint32_t i) {
       const auto lane = static_cast<int>(i);
       s.weight.Set(lane, s.weight[lane] * film_.edges().Factor(s.pixel[i]));
     });
-  std::fill_n(s.at, SamplePacket::kStages, 0);
-  s.at[first_] = unfinished_[work.number] = started;
+  if (unfinished == 0) std::fill_n(s.at, SamplePacket::kStages, 0);
+  s.at[first_] |= started;
+  unfinished |= started;
   batch_.MakeReady(work.number, started);
 }
 
@@ -163,7 +175,8 @@ void TileRenderer::Round(PinnedBlocks& pins) {
   });
   for (uint32_t p = 0; p < batch_.size(); ++p) {
     if (leaves_holes_ && source_->left() > 0 && !batch_.is_ready(p)) LeaveHoles(p);
-    if (unfinished_[p] != 0) continue;
+    if (unfinished_[p] != 0 && !(refills_ && std::popcount(unfinished_[p]) <= kRefilledAt)) continue;
+    if (source_->left() == 0) continue;
     PacketWork work = WorkOn(p, &pins);
     Start(work);
   }
@@ -203,7 +216,7 @@ void TileRenderer::Traced(PacketWork& work, uint64_t lanes, bool any) {
   const uint64_t lost = missed & s.at[SamplePacket::kTraverse];
   const uint64_t hit = lanes & ~missed & s.at[SamplePacket::kTraverse];
   s.Move(lost, SamplePacket::kTraverse, SamplePacket::kNext);
-  ForEachLane(lost, [&](uint32_t i) { Miss(work, i); });
+  Miss(work, lost);
   if (!view_->filter) return TakeHits(work, hit, SamplePacket::kTraverse);
   view_->filter->Begin(work, stopped | hit);
   s.Move(hit, SamplePacket::kTraverse, SamplePacket::kTest);
@@ -231,16 +244,16 @@ void TileRenderer::TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stag
   });
 }
 
-void TileRenderer::Miss(PacketWork& work, uint32_t lane) {
-  if (!makes_pixels_) return;
+/// The rays of `lanes` have left the scene.
+void TileRenderer::Miss(PacketWork& work, uint64_t lanes) {
+  if (!makes_pixels_ || lanes == 0) return;
   const SamplePacket& s = work.samples;
-  if (s.path_code[lane] == kPrimaryPath) {
-    film_.SawTo(s.depth_cell[lane], kInfinity);
-    if (s.sample[lane] == 0) WriteLayers(work, lane);
-    if (view_->view.backdrop) return;
-    film_.Cover(s.pixel[lane]);
-  }
-  film_.Add(s.pixel[lane], s.weight[static_cast<int>(lane)] * view_->view.background);
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (s.path_code[i] != kPrimaryPath) return;
+    film_.SawTo(s.depth_cell[i], kInfinity);
+    if (s.sample[i] == 0) WriteLayers(work, i);
+  });
+  integrator_->Missed(work, lanes);
 }
 
 void TileRenderer::Shade(PacketWork& work, uint64_t lanes) {
@@ -265,7 +278,7 @@ void TileRenderer::TakeNext(PacketWork& work, uint64_t lanes) {
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return source_->memory_bytes() + batch_.memory_bytes() + bytes(samples_) + bytes(lookups_) + bytes(cuts_) +
-         pending_.memory_bytes() + film_.memory_bytes();
+         bytes(paths_) + pending_.memory_bytes() + film_.memory_bytes();
 }
 
 RenderedTile TileRenderer::Take() {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/engine/film/tile_film.h"
+#include "common/engine/integrators/path/path_packet.h"
 #include "common/engine/integrators/pending_rays.h"
 #include "common/engine/packet_work.h"
 #include "common/engine/rays/ray_batch.h"
@@ -79,13 +80,13 @@ class TileRenderer {
   void Traced(PacketWork& work, uint64_t lanes, bool any);
   uint64_t TestHits(PacketWork& work, uint64_t lanes);
   void TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stage from);
-  void Miss(PacketWork& work, uint32_t lane);
+  void Miss(PacketWork& work, uint64_t lanes);
   void Shade(PacketWork& work, uint64_t lanes);
   void TakeNext(PacketWork& work, uint64_t lanes);
 
   std::shared_ptr<const ViewContext> view_;
   const Integrator* integrator_ = nullptr;
-  bool makes_surfaces_ = true, makes_pixels_ = true;
+  bool makes_surfaces_ = true, makes_pixels_ = true, refills_ = false;
   SamplePacket::Stage first_ = SamplePacket::kTraverse;  ///< of a sample
   bool leaves_holes_ = false;
   EdgeRays edge_rays_;
@@ -96,6 +97,7 @@ class TileRenderer {
   std::vector<SamplePacket> samples_;
   std::vector<TextureLookups> lookups_;  ///< empty where the view has no textures
   std::vector<CutPacket> cuts_;          ///< empty where all hits count
+  std::vector<PathPacket> paths_;        ///< empty where the integrator needs none
   PendingRays pending_;
   TileFilm film_;
   std::unique_ptr<Scratch> scratch_ = std::make_unique<Scratch>();

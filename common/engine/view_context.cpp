@@ -38,7 +38,7 @@ ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<cons
     : view(std::move(a_view)),
       catalog(scene),
       surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
-      integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene.meta)),
+      integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene)),
       filter(scene.meta.masks ? std::make_shared<const CutOuts>() : nullptr),
       section(ClipOf(view.section, scene.meta)),
       shown(parts || !view.parts.selection ? std::move(parts)

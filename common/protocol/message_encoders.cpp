@@ -18,6 +18,9 @@ std::unique_ptr<wire::LightT> LightToWire(const Light& light) {
   w->axis = ToVector(light.axis);
   w->cone_scale = light.cone_scale;
   w->cone_offset = light.cone_offset;
+  w->angle = light.angle;
+  if (light.kind == LightKind::kRectangle)
+    for (const glm::vec3& edge : light.edges) w->edges.insert(w->edges.end(), {edge.x, edge.y, edge.z});
   return w;
 }
 
@@ -50,6 +53,9 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   for (const Light& light : view.lights) w->lights.push_back(LightToWire(light));
   w->section = SectionToWire(view.section);
   w->edges = view.edges;
+  w->bounces = view.bounces;
+  w->sky = ToVector(view.sky.radiance);
+  w->turbidity = view.sky.turbidity;
   return w;
 }
 

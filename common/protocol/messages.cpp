@@ -23,7 +23,12 @@ bool ReadLight(const wire::Light& l, Light& light) {
   light.kind = static_cast<LightKind>(l.kind());
   light.cone_scale = l.cone_scale();
   light.cone_offset = l.cone_offset();
-  return l.kind() <= 1 && Read(l.vector(), light.vector) && Read(l.radiance(), light.radiance) &&
+  light.angle = l.angle();
+  if (light.kind == LightKind::kRectangle) {
+    if (SizeOf(l.edges()) != 6) return false;
+    for (uint32_t i = 0; i < 6; ++i) light.edges[i / 3][static_cast<int>(i % 3)] = l.edges()->Get(i);
+  }
+  return l.kind() < kLightKinds && Read(l.vector(), light.vector) && Read(l.radiance(), light.radiance) &&
          Read(l.axis(), light.axis);
 }
 
@@ -37,7 +42,8 @@ bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
 Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   const size_t lights = SizeOf(w.lights());
   if (SizeOf(w.crop()) != 4 || !Read(w.ambient(), view.ambient) || !Read(w.background(), view.background) ||
-      lights > kMaxLights || lights * kLeastLightBytes > message_bytes)
+      (w.sky() && !Read(w.sky(), view.sky.radiance)) || lights > kMaxLights ||
+      lights * kLeastLightBytes > message_bytes)
     return Fail("received a view that is not well formed");
   view.lights.resize(lights);
   for (uint32_t i = 0; i < lights; ++i)
@@ -55,6 +61,8 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.ao_distance = w.ao_distance();
   view.backdrop = !w.background_is_light();
   view.edges = w.edges();
+  view.bounces = w.bounces();
+  view.sky.turbidity = w.turbidity();
   return ReadSection(w.section(), view.section);
 }
 

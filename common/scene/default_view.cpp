@@ -9,12 +9,23 @@ std::vector<Light> DefaultLights(const SceneSummary& scene) {
   return lights;
 }
 
+Sky DefaultSky(const SceneSummary& scene) {
+  constexpr float kTurbidity = 3;
+  return scene.views.lights.empty() && !scene.shines ? Sky{glm::vec3(0), kTurbidity} : Sky{};
+}
+
 void TurnDefaultSun(View& view) {
   for (const uint32_t axis : {1u, 2u})
     if (view.up_axis == 3 - axis && view.lights == std::vector{DefaultSun(axis)}) {
       view.lights = {DefaultSun(view.up_axis)};
       return;
     }
+}
+
+void DropDefaultSun(View& view) {
+  if (view.mode != RenderMode::kPath || view.sky.shines()) return;
+  for (const uint32_t axis : {1u, 2u})
+    if (view.lights == std::vector{DefaultSun(axis)}) return view.lights.clear();
 }
 
 float InsideAoDistance(const SceneSummary& scene) {
@@ -30,6 +41,7 @@ View DefaultView(const SceneSummary& scene, uint32_t width, uint32_t height) {
   view.spp = InfoOf(view.mode).default_spp;
   view.edges = scene.plain;
   view.lights = DefaultLights(scene);
+  view.sky = DefaultSky(scene);
   const bool inside = scene.framing.interior && scene.framing.inside;
   if (inside) view.ao_distance = InsideAoDistance(scene);
   view.camera = CameraFor(scene.framing, inside ? NamedView::kInside : NamedView::kIso,

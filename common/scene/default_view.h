@@ -8,9 +8,18 @@ namespace quarry {
 /// Lights of a view that names none: the scene's own, else DefaultSun(). Thread-safe.
 std::vector<Light> DefaultLights(const SceneSummary& scene);
 
+/// The sky of a view that names neither lights nor a sky: a clear one where DefaultSun() is the only light.
+/// Thread-safe.
+Sky DefaultSky(const SceneSummary& scene);
+
 /// Turns DefaultSun() to the up axis that the view names; other lights stay. For views whose lights are the
 /// default ones. Thread-safe.
 void TurnDefaultSun(View& view);
+
+/// Takes DefaultSun() from a view of mode path if the scene shines by itself, so that it needs no sun: then
+/// its default view has no sky. For views whose lights are the default ones, after TurnDefaultSun().
+/// Thread-safe.
+void DropDefaultSun(View& view);
 
 /// Length of occlusion rays of a view from inside: a share of the distance of things, so that pipes near the
 /// eye do not all lie in each other's shade. Units: scene units. Requires: `scene.framing.inside` is set.

@@ -46,7 +46,20 @@ void ToWhitted(Properties& m, bool bends) {
   m.reflectance = AtMostOne(m.reflectance + glm::vec3(there * (1 - metal) * smooth));
 }
 
+template <class Properties>
+void SetHighlight(Properties& m, const glm::vec3& specular) {
+  const float mean = (specular.x + specular.y + specular.z) / 3;
+  m.specular_weight = std::min(2 * mean, 1.0f);
+  m.specular_color = mean > 0 ? specular / Most(specular) : glm::vec3(1);
+  const float root = std::sqrt(0.08f * std::clamp(mean, 0.5f, 1.0f));
+  m.specular_ior = mean > 0.5f ? (1 + root) / (1 - root) : 1.5f;
+}
+
 }  // namespace
+
+void SetHighlight(SurfaceProperties& m, const glm::vec3& specular) {
+  SetHighlight<SurfaceProperties>(m, specular);
+}
 
 void DeriveOpenPbr(Material& m) {
   const float passes = Most(m.transmittance), mirror = Most(m.reflectance), matte = Most(m.diffuse);
@@ -60,10 +73,13 @@ void DeriveOpenPbr(Material& m) {
   m.base_color = AtMostOne(color);
   m.base_metalness = mirrors ? mirror / (mirror + matte) : 0.0f;
   const bool highlight = m.shininess > 0 && Most(m.specular) > 0;
-  m.specular_roughness = m.shininess > 0 || !(mirrors || glass) ? std::sqrt(2 / (m.shininess + 2)) : 0.0f;
-  m.specular_weight = highlight || mirrors || glass ? 1.0f : 0.0f;
+  // The exponent of Blinn's highlight is 2 / alpha^2 - 2, and alpha is the square of the roughness.
+  m.specular_roughness =
+      m.shininess > 0 || !(mirrors || glass) ? std::sqrt(std::sqrt(2 / (m.shininess + 2))) : 0.0f;
+  m.specular_weight = mirrors || glass ? 1.0f : 0.0f;
   m.specular_color = glm::vec3(1);
   m.specular_ior = glass ? m.ior : 1.5f;
+  if (highlight && !mirrors && !glass) SetHighlight(m, m.specular);
   m.transmission_weight = glass ? passes : 0.0f;
   m.transmission_color = glass ? m.transmittance / passes : glm::vec3(1);
   m.transmission_depth = 0;

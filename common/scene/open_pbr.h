@@ -9,11 +9,17 @@ namespace quarry {
 /// - base_color is the sum of the scattered (divided by geometry_opacity), reflected and transmitted colours,
 /// at most 1.
 /// - base_metalness is the reflected share of reflected plus scattered light.
-/// - specular_roughness is sqrt(2 / (shininess + 2)); 0 for mirrors and glass without a highlight.
+/// - specular_roughness is the fourth root of 2 / (shininess + 2); 0 for mirrors and glass without a
+/// highlight.
+/// - The highlight's weight, colour and index are SetHighlight()'s.
 /// - Transmitted light becomes transmission where it is refracted or has Fresnel weights, else a lower
 /// opacity.
 /// - `unlit` is kept.
 void DeriveOpenPbr(Material& m);
+
+/// Sets weight, colour and index of the clear layer of a matt surface whose highlight has the weight
+/// `specular` (Ks), as Blender reads it: at normal incidence the layer reflects 0.08 times its mean.
+void SetHighlight(SurfaceProperties& m, const glm::vec3& specular);
 
 /// Derives the weights of Whitted's rays from the OpenPBR parameters. The share (1 - specular_roughness)^2 of
 /// a metal reflects as a mirror; the rest scatters as matte paint of its colour, with a highlight of the same

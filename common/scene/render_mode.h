@@ -9,8 +9,8 @@
 namespace quarry {
 
 /// Modes of rendering; the README describes them. Their numbers stand in messages and traces.
-enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4 };
-inline constexpr int kRenderModes = 5;
+enum class RenderMode : uint8_t { kRaycast = 0, kShadow = 1, kWhitted = 2, kVoxels = 3, kAo = 4, kPath = 5 };
+inline constexpr int kRenderModes = 6;
 
 /// A mode as programs and the page see it. In the engine each mode is a class, see MakeIntegrator().
 struct RenderModeInfo {
@@ -20,7 +20,7 @@ struct RenderModeInfo {
   uint32_t default_spp;    ///< samples per pixel of a picture that names no number
   bool uses_lights;        ///< else it has its own light
   bool metered;            ///< whether the exposure is measured from the picture; else it is 0 EV
-  const char* options[2];  ///< of `quarry render`, that other modes may not have
+  const char* options[4];  ///< of `quarry render`, that other modes may not have
 };
 /// In the order in which they are shown.
 inline constexpr RenderModeInfo kRenderModeInfo[kRenderModes] = {
@@ -28,6 +28,13 @@ inline constexpr RenderModeInfo kRenderModeInfo[kRenderModes] = {
     {RenderMode::kRaycast, "raycast", "Ray casting", 1, false, true, {}},
     {RenderMode::kShadow, "shadow", "Shadows", 1, true, true, {"--sun", "--lights"}},
     {RenderMode::kWhitted, "whitted", "Reflections", 4, true, true, {"--sun", "--lights"}},
+    {RenderMode::kPath,
+     "path",
+     "Global light (path)",
+     64,
+     true,
+     true,
+     {"--sun", "--lights", "--sky", "--bounces"}},
     {RenderMode::kVoxels, "voxels", "Voxels", 1, false, false, {}}};
 
 /// Requires: a known mode. Thread-safe, like the functions below.

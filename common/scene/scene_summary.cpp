@@ -166,6 +166,8 @@ Result<SceneSummary> ReadSceneSummary(const JsonValue& json) {
   QUARRY_ASSIGN(summary.scene_id, id.Text());
   QUARRY_ASSIGN(const JsonValue plain, json.Member("plain"));
   QUARRY_ASSIGN(summary.plain, plain.Flag());
+  QUARRY_ASSIGN(const JsonValue shines, json.Member("shines"));
+  QUARRY_ASSIGN(summary.shines, shines.Flag());
   QUARRY_TRY(ReadTriple(json, "offset", summary.offset));
   QUARRY_ASSIGN(const JsonValue cameras, json.Member("cameras"));
   QUARRY_TRY(ReadCameras(cameras, summary.views.cameras));

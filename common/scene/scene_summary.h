@@ -18,6 +18,7 @@ struct SceneSummary {
   bool plain = false;    ///< no textures and no colours, see IsPlain()
   SceneViews views;
   Framing framing;
+  bool shines = false;  ///< some triangles shine, see Catalog::emitters
 };
 
 /// A framing and its named parts as JSON, in the model's coordinates.
@@ -26,9 +27,9 @@ nlohmann::ordered_json FramingToJson(const Framing& framing, const glm::dvec3& o
 nlohmann::ordered_json CamerasToJson(const SceneViews& views);
 nlohmann::ordered_json LightsToJson(const SceneViews& views);
 
-/// Reads a summary out of the object that a master answers with: "scene_id", "offset", "plain", "cameras",
-/// "lights" and "framing"; other members are passed over. Errors (each names the place): a member is missing
-/// or has a value that cannot be. Thread-safe.
+/// Reads a summary out of the object that a master answers with: "scene_id", "offset", "plain", "shines",
+/// "cameras", "lights" and "framing"; other members are passed over. Errors (each names the place): a member
+/// is missing or has a value that cannot be. Thread-safe.
 Result<SceneSummary> ReadSceneSummary(const JsonValue& json);
 
 }  // namespace quarry

@@ -12,9 +12,30 @@ bool Finite(const V& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
+/// Whether a rectangle's sides span an area that floats can hold.
+bool HasArea(const Light& light) {
+  const glm::dvec3 a(light.edges[0]), b(light.edges[1]);
+  const glm::dvec3 cross{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+  const double area = std::sqrt(cross.x * cross.x + cross.y * cross.y + cross.z * cross.z);
+  const double sides = std::sqrt((a.x * a.x + a.y * a.y + a.z * a.z) * (b.x * b.x + b.y * b.y + b.z * b.z));
+  return area > 1e-30 && area < 1e30 && area > 1e-6 * sides;
+}
+
 template <class V>
 bool Nonnegative(const V& v) {
   return Finite(v) && v.x >= 0 && v.y >= 0 && v.z >= 0;
+}
+
+Status CheckSky(const View& view) {
+  const Sky& sky = view.sky;
+  if (!Nonnegative(sky.radiance)) return BadUsage("the sky's radiance must be >= 0");
+  if (sky.turbidity == 0) return {};
+  if (!(sky.turbidity >= kLeastTurbidity && sky.turbidity <= kMostTurbidity))
+    return BadUsage(
+        fmt::format("--sky, a turbidity, must lie between {} and {}", kLeastTurbidity, kMostTurbidity));
+  for (const Light& light : view.lights)
+    if (light.kind == LightKind::kSun) return {};
+  return BadUsage("a sky with a turbidity needs a sun; add one with --sun");
 }
 
 }  // namespace
@@ -57,12 +78,18 @@ Status NormalizeView(View& view) {
     return BadUsage(fmt::format("--ao-samples must lie between 1 and {}", kMaxAoSamples));
   if (!std::isfinite(view.ao_distance) || view.ao_distance < 0)
     return BadUsage("--ao-distance must be a positive length");
+  if (view.bounces > kMaxBounces)
+    return BadUsage(fmt::format("--bounces must lie between 0 and {}", kMaxBounces));
+  QUARRY_TRY(CheckSky(view));
   if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
   for (Light& light : view.lights) {
     if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
-        !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset))
+        !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset) ||
+        !(light.angle >= 0 && light.angle <= 90) || !Finite(light.edges[0]) || !Finite(light.edges[1]))
       return BadUsage("a light has an invalid value");
+    if (light.kind == LightKind::kRectangle && !HasArea(light))
+      return BadUsage("a rectangle that shines has no area");
     if (light.kind != LightKind::kSun) continue;
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +
                                    light.vector.z * light.vector.z);

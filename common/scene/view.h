@@ -33,19 +33,35 @@ struct CameraSpec {
   bool operator==(const CameraSpec&) const = default;
 };
 
-/// Kinds of lights: infinitely far with parallel rays; at a point, in all directions or in a cone.
-enum class LightKind : uint8_t { kSun = 0, kPoint = 1 };
+/// Kinds of lights: infinitely far; at a point, in all directions or in a cone; a rectangle that shines from
+/// its front.
+enum class LightKind : uint8_t { kSun = 0, kPoint = 1, kRectangle = 2 };
+inline constexpr int kLightKinds = 3;
 /// A light of a view.
 struct Light {
   LightKind kind = LightKind::kSun;
-  glm::vec3 vector{0, 0, 1};  ///< sun: unit direction toward the sun; point: position
-  glm::vec3 radiance{1};      ///< sun: irradiance/pi at normal incidence; point: the same at distance 1
+  glm::vec3 vector{0, 0, 1};  ///< sun: unit direction toward the sun; point: position; rectangle: its centre
+  /// Sun: irradiance/pi at normal incidence; point: the same at distance 1; rectangle: what it emits.
+  glm::vec3 radiance{1};
   /// The cone of a point light. Toward a direction with the cosine c to `axis`, the light is multiplied by
   /// the square of cone_scale * c + cone_offset, which is clamped to [0, 1] first. The default is no cone.
   glm::vec3 axis{0, 0, -1};
   float cone_scale = 0, cone_offset = 1;
+  float angle = 0.53f;  ///< sun, in mode path: of its disc, degrees, [0, 90]; 0: parallel rays
+  /// Rectangle: its sides. Its front is where their cross product points.
+  glm::vec3 edges[2] = {glm::vec3(0), glm::vec3(0)};
   bool operator==(const Light&) const = default;
 };
+
+/// The light of the sky in mode path: of one radiance, or that of a clear day, by the view's first sun.
+struct Sky {
+  glm::vec3 radiance{0};  ///< without a turbidity
+  float turbidity = 0;    ///< haze, [2, 10]: 2 very clear, 10 hazy; 0: one radiance
+  bool shines() const { return turbidity > 0 || radiance != glm::vec3(0); }
+  bool operator==(const Sky&) const = default;
+};
+/// Limits of a clear sky: its turbidity, and the sine of 5 degrees, below which the sun must not stand.
+inline constexpr float kLeastTurbidity = 2, kMostTurbidity = 10, kLeastSunHeight = 0.0871557f;
 
 /// A rectangle of an image. Units: pixels, from the image's upper left corner.
 struct PixelRect {
@@ -66,6 +82,8 @@ struct View {
   /// scene.
   uint32_t ao_samples = 4;
   float ao_distance = 0;
+  uint32_t bounces = 8;  ///< kPath: of a path, before its last ray, which finds lights only
+  Sky sky;               ///< kPath
   std::vector<Light> lights;
   glm::vec3 ambient{0.2f};                   ///< radiance
   glm::vec3 background{0.55f, 0.65f, 0.8f};  ///< radiance where a ray hits nothing
@@ -87,6 +105,7 @@ inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
 inline constexpr uint32_t kMaxAoSamples = 256;
 inline constexpr uint32_t kMaxLights = 1024;
+inline constexpr uint32_t kMaxBounces = 64;
 inline constexpr uint32_t kTileSize = 32;  ///< side of a tile, pixels
 
 /// Side of a depth cell, in lattice points. For each cell a tile reports the t of the farthest primary ray.

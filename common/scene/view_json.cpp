@@ -1,15 +1,21 @@
+// Long: a function for each member of a view, and one line of each in the two that read and write it.
 #include "common/scene/view_json.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 namespace quarry {
 namespace {
+
+/// Kinds of lights by their numbers.
+constexpr std::string_view kLightNames[kLightKinds] = {"sun", "point", "rectangle"};
 
 using nlohmann::ordered_json;
 
@@ -118,6 +124,28 @@ Status ReadAo(const JsonValue& value, View& view) {
   return ReadOptional(value, "distance", ReadNumber<float>, view.ao_distance);
 }
 
+Status ReadSky(const JsonValue& value, Sky& sky) {
+  sky = {};
+  QUARRY_TRY(value.HasOnly({"radiance", "turbidity"}));
+  QUARRY_TRY(ReadOptional(value, "radiance", ReadColour, sky.radiance));
+  QUARRY_ASSIGN(const std::optional<JsonValue> turbidity, value.Optional("turbidity"));
+  if (!turbidity) return {};
+  QUARRY_TRY(ReadNumber<float>(*turbidity, sky.turbidity));
+  if (sky.turbidity >= kLeastTurbidity && sky.turbidity <= kMostTurbidity) return {};
+  return turbidity->Wrong(fmt::format("must lie between {} and {}", kLeastTurbidity, kMostTurbidity));
+}
+
+Status ReadEdges(const JsonValue& value, Light& light) {
+  QUARRY_ASSIGN(const std::vector<JsonValue> sides, value.List());
+  if (sides.size() != 2) return value.Wrong("must be two sides");
+  for (int i = 0; i < 2; ++i) {
+    glm::dvec3 side;
+    QUARRY_TRY(ReadVector(sides[static_cast<size_t>(i)], -kMostFloat, kMostFloat, side));
+    light.edges[i] = glm::vec3(side);
+  }
+  return {};
+}
+
 Status ReadExposure(const JsonValue& value, std::optional<double>& exposure) {
   QUARRY_ASSIGN(exposure, value.Number());
   return {};
@@ -135,10 +163,13 @@ ordered_json ToJson(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
   const bool sun = light.kind == LightKind::kSun;
   const glm::dvec3 vector(light.vector);
-  ordered_json j = {{"type", sun ? "sun" : "point"},
+  ordered_json j = {{"type", kLightNames[static_cast<int>(light.kind)]},
                     {sun ? "direction" : "position", ToJson(sun ? vector : vector + offset)},
                     {"radiance", ToJson(light.radiance)}};
-  if (!sun && light.cone_scale != 0)
+  if (sun && light.angle != Light().angle) j["angle"] = light.angle;
+  if (light.kind == LightKind::kRectangle)
+    j["edges"] = {ToJson(glm::dvec3(light.edges[0])), ToJson(glm::dvec3(light.edges[1]))};
+  if (light.kind == LightKind::kPoint && light.cone_scale != 0)
     j["cone"] = {{"axis", ToJson(light.axis)}, {"scale", light.cone_scale}, {"offset", light.cone_offset}};
   return j;
 }
@@ -277,9 +308,10 @@ Status ReadCamera(const JsonValue& object, CameraSpec& camera) {
 Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
   QUARRY_ASSIGN(const JsonValue type, object.Member("type"));
   QUARRY_ASSIGN(const std::string kind, type.Text());
-  if (kind != "sun" && kind != "point") return type.Wrong("must be sun or point");
+  const auto* const known = std::ranges::find(kLightNames, kind);
+  if (known == std::end(kLightNames)) return type.Wrong("must be sun, point or rectangle");
   Light light;
-  light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
+  light.kind = static_cast<LightKind>(known - kLightNames);
   QUARRY_ASSIGN(const JsonValue place, object.Member(kind == "sun" ? "direction" : "position"));
   glm::dvec3 vector;
   QUARRY_TRY(ReadVector(place, -kMostFloat, kMostFloat, vector));
@@ -287,6 +319,10 @@ Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
   QUARRY_ASSIGN(const JsonValue radiance, object.Member("radiance"));
   QUARRY_TRY(ReadColour(radiance, light.radiance));
   QUARRY_TRY(ReadOptional(object, "cone", ReadCone, light));
+  QUARRY_TRY(ReadOptional(object, "angle", ReadNumber<float>, light.angle));
+  if (light.kind != LightKind::kRectangle) return light;
+  QUARRY_ASSIGN(const JsonValue edges, object.Member("edges"));
+  QUARRY_TRY(ReadEdges(edges, light));
   return light;
 }
 
@@ -307,9 +343,9 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
-  QUARRY_TRY(
-      json.HasOnly({"camera", "size", "crop", "mode", "spp", "seed", "aov", "up_axis", "ao", "lights",
-                    "ambient", "background", "exposure", "hide", "only", "colors", "section", "edges"}));
+  QUARRY_TRY(json.HasOnly({"camera",   "size", "crop",   "mode",    "spp",        "seed",    "aov",
+                           "up_axis",  "ao",   "lights", "ambient", "background", "bounces", "sky",
+                           "exposure", "hide", "only",   "colors",  "section",    "edges"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -326,6 +362,8 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "aov", ReadLayers, view));
   QUARRY_TRY(ReadOptional(json, "up_axis", ReadUpAxis, view.up_axis));
   QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
+  QUARRY_TRY(ReadOptional(json, "bounces", ReadWhole<uint32_t>, view.bounces));
+  QUARRY_TRY(ReadOptional(json, "sky", ReadSky, view.sky));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
   QUARRY_ASSIGN(const auto lists, ReadPartLists(json));
   if (lists) view.parts = {lists, nullptr};
@@ -356,6 +394,11 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
     if (view.has(static_cast<Aov>(a))) j["aov"].push_back(kAovInfo[a].name);
   if (view.up_axis != 0) j["up_axis"] = view.up_axis == 1 ? "y" : "z";
   j["ao"] = {{"samples", view.ao_samples}, {"distance", view.ao_distance}};
+  if (view.bounces != View().bounces) j["bounces"] = view.bounces;
+  if (view.sky.turbidity > 0)
+    j["sky"] = {{"turbidity", view.sky.turbidity}};
+  else if (view.sky.shines())
+    j["sky"] = {{"radiance", ToJson(view.sky.radiance)}};
   j["lights"] = ordered_json::array();
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
   j["ambient"] = ToJson(view.ambient);

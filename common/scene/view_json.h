@@ -20,10 +20,9 @@ struct ViewDescription {
 ///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
 ///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
-///    "exposure": EV, "hide": [path, ...], "only": [path, ...],
-///    "colors": [{"parts": [path, ...], "color": [r,g,b] or null}],
-///    "section": {"box": [[x,y,z], [x,y,z]], "planes": [{"point": [x,y,z], "normal": [x,y,z]}], "caps":
-///    true}, "edges": false}
+///    "bounces": 8, "sky": {"radiance": [r,g,b]} or {"turbidity": 3}, "exposure": EV, "hide": [path, ...],
+///    "only": [path, ...], "colors": [{"parts": [path, ...], "color": [r,g,b] or null}], "section": {"box":
+///    [[x,y,z], [x,y,z]], "planes": [{"point": [x,y,z], "normal": [x,y,z]}], "caps": true}, "edges": false}
 /// A missing member leaves its value in `into` unchanged. Lights are as in ReadLight(). Units: lengths in
 /// scene units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors
 /// (each names the place): a member of another name, or of a value that cannot be. The view is not
@@ -46,9 +45,10 @@ Status ReadUpAxis(const JsonValue& value, uint32_t& axis);
 /// missing.
 Status ReadCamera(const JsonValue& object, CameraSpec& camera);
 
-/// Reads {"type": "sun", "direction": [x,y,z], "radiance": [r,g,b]} or {"type": "point", "position": [x,y,z],
-/// "radiance": [r,g,b]}, a point with "cone": {"axis": [x,y,z], "scale": s, "offset": o} as Light has it.
-/// `offset` is subtracted from positions.
+/// Reads {"type": "sun", "direction": [x,y,z], "radiance": [r,g,b], "angle": degrees}, {"type": "point",
+/// "position": [x,y,z], "radiance": [r,g,b], "cone": {"axis": [x,y,z], "scale": s, "offset": o}} or {"type":
+/// "rectangle", "position": [x,y,z], "edges": [[x,y,z], [x,y,z]], "radiance": [r,g,b]}, as Light has it;
+/// `angle` and `cone` may be missing. `offset` is subtracted from positions.
 Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset);
 
 /// Reads "lights", "ambient" and "background" of an object, each if it is there.

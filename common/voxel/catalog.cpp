@@ -10,6 +10,7 @@
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/build/wide_tree.h"
 #include "common/scene/open_pbr.h"
+#include "common/voxel/emitters/emitter_section.h"
 #include "common/voxel/texture_sections.h"
 
 namespace quarry {
@@ -353,6 +354,9 @@ Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>&
   QUARRY_TRY(DecodeTopTree(Find(sections, SectionType::kTopTree)->bytes, catalog));
   QUARRY_TRY(DecodeMaterials(Find(sections, SectionType::kMaterials)->bytes, catalog));
   QUARRY_TRY(DecodeTexturing(sections, places, catalog));
+  if (const SectionView* emitters = Find(sections, SectionType::kEmitters)) {
+    QUARRY_ASSIGN(catalog.emitters, DecodeEmitters(emitters->bytes, catalog));
+  }
   return catalog;
 }
 

@@ -15,12 +15,13 @@
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
+#include "common/voxel/emitter.h"
 #include "common/voxel/texture_shape.h"
 #include "common/voxel/voxel_block.h"
 
 // The catalog is the part of a scene that every worker holds whole: facts about the scene, the top-level
 // tree, the directories of voxels and texture pages, the materials and their textures. It is stored as four
-// to six sections and sent as the same bytes.
+// to seven sections and sent as the same bytes.
 
 namespace quarry {
 
@@ -42,6 +43,7 @@ enum class SectionType : uint32_t {
   kPartTree = 0x45525450,          // "PTRE"
   kVoxelParts = 0x54525056,        // "VPRT"
   kPartAttributes = 0x54544150,    // "PATT"
+  kEmitters = 0x54494D45,          // "EMIT"
   kModels = 0x534C444D,            // "MDLS"
 };
 
@@ -131,6 +133,7 @@ struct Catalog {
   std::vector<uint32_t> chain_end;  ///< per voxel, for kernels: see TopTree
   std::vector<VoxelBounds> bounds;  ///< per voxel, grown by the padding
   std::vector<Material> materials;  ///< names are left out
+  std::vector<Emitter> emitters;    ///< the strongest, by ascending triangle
   std::vector<Texture> textures;
   std::vector<TextureShape> shapes;     ///< by texture
   std::vector<uint32_t> first_page{0};  ///< by texture, and one past the last: pages of earlier textures

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/file.h"
+#include "common/voxel/emitters/emitter_section.h"
 #include "common/voxel/store_header.h"
 #include "common/voxel/store_verifier.h"
 #include "common/voxel/texture_page.h"
@@ -32,6 +33,7 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kMaterials, true, 16 << 20},
     {SectionType::kTextureDirectory, true, kGiB},
     {SectionType::kMaterialTextures, true, 32 << 20},
+    {SectionType::kEmitters, true, kMostEmitters* kEmitterBytes},
     {SectionType::kParts, false, kGiB / 4},
     {SectionType::kStrings, false, 4 * kGiB},
     {SectionType::kCameras, false, 1 << 20},

@@ -6,13 +6,14 @@
 #include <cstring>
 
 #include "common/base/check.h"
+#include "common/voxel/emitters/emitter_section.h"
 #include "common/voxel/texture_page.h"
 #include "common/voxel/view_sections.h"
 
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 16;
+constexpr uint32_t kSectionCount = 17;
 constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
@@ -219,6 +220,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kPartTree, EncodePartTree(parts.facts)});
   sections.push_back({SectionType::kVoxelParts, parts_.bytes});
   sections.push_back({SectionType::kPartAttributes, EncodePartAttributes(parts.attributes)});
+  sections.push_back({SectionType::kEmitters, EncodeEmitters(emitters_)});
 
   const Bytes facts = EncodeMeta(LogicalMeta(meta)), texture_facts = EncodeTextureFacts(textures);
   std::vector<std::span<const std::byte>> logical;

@@ -4,6 +4,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/file.h"
@@ -95,6 +96,8 @@ class StoreWriter {
 
   /// States that shading blocks may have packed normals, which older programs cannot read.
   void AllowPackedNormals() { version_ = kPackedStoreVersion; }
+  /// The scene's strongest emitters, at most kMostEmitters, by ascending triangle.
+  void SetEmitters(std::vector<Emitter> emitters) { emitters_ = std::move(emitters); }
   /// Whether a voxel has opacity masks.
   bool has_masks() const { return masks_; }
   /// Whether a vertex has a colour.
@@ -121,6 +124,7 @@ class StoreWriter {
   std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
   VoxelPartLists parts_;
   std::vector<WrittenTexture> textures_;
+  std::vector<Emitter> emitters_;
   uint32_t version_ = kUnpackedStoreVersion;
   bool masks_ = false, colored_ = false;
   uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began

@@ -66,7 +66,8 @@ Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& stor
   const Scene scene(std::make_shared<const StoreReader>(std::move(reader)));
   const SceneMeta& meta = scene.catalog().meta;
   SceneSummary summary{
-      FormatSceneId(scene.catalog().id), meta.offset, IsPlain(scene.catalog()), scene.store().views(), {}};
+      FormatSceneId(scene.catalog().id), meta.offset, IsPlain(scene.catalog()), scene.store().views(), {},
+      !scene.catalog().emitters.empty()};
   QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
   if (NeedsFraming(a)) {
     QUARRY_ASSIGN(summary.framing, ProbeFraming(scene, up_axis, WantsInside(a)));

@@ -70,6 +70,12 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
       "Thin dark lines where parts or normals meet; --no-edges: none (default: in ao, of models without "
       "colours)");
   c.add_option("--sun", a.sun, "Direction toward the sun: x,y,z");
+  c.add_option("--sky", a.sky,
+               "Light of a clear sky, by its turbidity: 2 very clear, 10 hazy; it needs a sun")
+      ->check(RealNumber(kLeastTurbidity, kMostTurbidity));
+  c.add_option("--bounces", a.bounces, "Bounces of light, in mode path")
+      ->check(WholeNumber(0, kMaxBounces))
+      ->capture_default_str();
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
   c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
       ->check(RealNumber(-100, 100));

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <map>
@@ -67,8 +68,9 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   for (const RenderModeInfo& other : kRenderModeInfo)
     for (const char* option : other.options) {
       if (!option || !Typed(a, option) || Takes(mode, option)) continue;
-      return refuse(option, fmt::format("in --mode {}{}", mode.name,
-                                        other.uses_lights ? ", which has its own light" : ""));
+      return refuse(option,
+                    fmt::format("in --mode {}{}", mode.name,
+                                other.uses_lights && !mode.uses_lights ? ", which has its own light" : ""));
     }
   if (job.format.name == "exr" && Typed(a, "--exposure"))
     return refuse("--exposure", "on an EXR image, which holds radiance as it is");
@@ -96,6 +98,8 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (Typed(a, "--seed")) view.seed = a.seed;
   if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;
   if (Typed(a, "--ao-distance")) view.ao_distance = a.ao_distance;
+  if (Typed(a, "--bounces")) view.bounces = a.bounces;
+  if (Typed(a, "--sky")) view.sky = {glm::vec3(0), a.sky};
   if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
   if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));
   return {};
@@ -151,7 +155,7 @@ Result<CameraSpec> SceneCamera(const RenderArguments& a, const SceneSummary& sce
 }
 
 /// Sets the view's lights: from --lights and --sun; without these options from the scene; a sun where the
-/// scene has no light.
+/// scene has no light, in mode path with a sky unless the scene shines.
 Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& view) {
   if (!a.lights.empty()) {
     view.lights.clear();
@@ -163,7 +167,11 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
     view.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
   }
   if (!view.lights.empty() || !a.lights.empty() || a.has_view_file()) return {};
+  const bool follows_light = view.mode == RenderMode::kPath;
+  // What shines in the scene is light enough.
+  if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};
   view.lights = DefaultLights(scene);
+  if (follows_light && !view.sky.shines()) view.sky = DefaultSky(scene);
   return {};
 }
 
@@ -203,6 +211,16 @@ Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene,
     QUARRY_ASSIGN(camera.up, ParseVector(a.up, "--up"));
   }
   return camera;
+}
+
+/// Errors (usage): a clear sky whose sun stands too low.
+Status CheckSunOfSky(const SceneSummary& scene, const View& view) {
+  const auto sun = std::ranges::find(view.lights, LightKind::kSun, &Light::kind);
+  if (view.sky.turbidity == 0 || sun == view.lights.end()) return {};
+  const glm::vec3 v = sun->vector;
+  const float height = (view.up_axis != 0 ? view.up_axis : scene.framing.up_axis) == 1 ? v.y : v.z;
+  if (height >= kLeastSunHeight * std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z)) return {};
+  return BadUsage("--sky: the sun stands below 5 degrees, where this sky is not known; choose another --sun");
 }
 
 /// Sets the length of occlusion rays where it was left open.
@@ -293,6 +311,7 @@ Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJ
     job.view.section = std::move(description.view.section);
   }
   QUARRY_TRY(ChooseLights(a, scene, job.view));
+  QUARRY_TRY(CheckSunOfSky(scene, job.view));
   QUARRY_TRY(ChooseAoDistance(a, scene, job.view));
   QUARRY_TRY(PlaceCameras(a, scene, job));
   if (!a.has_view_file()) job.view.edges = scene.plain && job.view.mode == RenderMode::kAo;

@@ -27,6 +27,8 @@ struct RenderArguments {
   std::string mode = "ao", sun, lights, aov;
   unsigned spp = 0;  ///< 0: 4 in ao, else 1
   unsigned ao_samples = 4;
+  unsigned bounces = 8;
+  float sky = 0;          ///< turbidity; 0: none
   float ao_distance = 0;  ///< scene units; 0: by the size of the scene
   bool edges = false;     ///< if given: --edges or --no-edges
   uint64_t seed = 0;

@@ -30,7 +30,10 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
   if (lights) description.view.lights.clear();  // instead of the default ones
   QUARRY_TRY(ReadView(object, offset, description));
   View& view = description.view;
-  if (!lights) TurnDefaultSun(view);
+  if (!lights) {
+    TurnDefaultSun(view);
+    DropDefaultSun(view);
+  }
   if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
   const auto& exposure = description.format.exposure;
   if (exposure && !(std::fabs(*exposure) <= kMostExposure))

@@ -55,6 +55,14 @@ ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& s
   return ViewToJson(view, std::nullopt, scene.offset)["lights"];
 }
 
+/// Whether mode path leaves the default sun out.
+bool DropsSun(const ViewDescription& defaults) {
+  View view = defaults.view;
+  view.mode = RenderMode::kPath;
+  DropDefaultSun(view);
+  return view.lights != defaults.view.lights;
+}
+
 }  // namespace
 
 std::string MakeWelcome(const std::string& name, const std::string& store, const SceneSummary& scene,
@@ -84,6 +92,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"views", NamedViews(scene)},
                          {"turned_views", NamedViews(Turned(scene))},
                          {"turned_lights", TurnedLights(defaults, scene)},
+                         {"shines", DropsSun(defaults)},
                          {"cameras", std::move(cameras)}}},
                        {"modes", Modes()},
                        {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},

@@ -10,6 +10,7 @@
 #include "common/kdtree/ray.h"
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"
+#include "common/voxel/emitter.h"
 #include "common/voxel/parts/part_sections.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/partition/sample.h"
@@ -38,6 +39,7 @@ struct ImportedTables {
   std::vector<std::string> warnings;
   std::vector<std::string> notes;  ///< how files were read, a sentence each, for the summary
   SceneViews views;
+  std::vector<Emitter> emitters;  ///< the strongest, by ascending triangle
 };
 
 /// The result of an import, ready for the partition.

@@ -96,8 +96,16 @@ Status SpillSink::SetFaceColor(const Rgba8& color) {
   return triangles_.Widen(Attributes::kColors);
 }
 
+Status SpillSink::NoteShining() {
+  QUARRY_TRY(faces_->Settle());
+  for (const auto& [number, material] : shining_) triangles_.NoteMaterial(number, material);
+  shining_.clear();
+  return {};
+}
+
 Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
   if (corners.size() < 3) return {};
+  if (!shining_.empty()) QUARRY_TRY(NoteShining());
   Face face;
   face.part = part == kNoIndex ? tables_.FilePart() : part;
   // Scenes with more materials than fit are refused by Finish().
@@ -164,6 +172,7 @@ Result<ImportedScene> SpillSink::Finish() {
   WarnOfLoss(kept.sample.triangles(), coordinates_, tables_);
   ImportedScene scene{triangles_.Take(), tables_.Take(), coordinates_.offset(), {}};
   triangles_.TakeParts().GiveTo(scene.parts.facts);
+  scene.emitters = triangles_.TakeEmitters();
   QUARRY_ASSIGN(scene.images, images_.Finish());
   return scene;
 }

@@ -6,6 +6,8 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "common/base/bytes.h"
 #include "common/base/status.h"
@@ -44,7 +46,9 @@ class SpillSink final : public ModelSink {
   Status BeginFile(std::string_view name) override;
   Status EndFile() override;
   uint32_t AddMaterial(const Material& material) override {
-    return tables_.AddMaterial(material, coordinates_.UnitLength());
+    const uint32_t number = tables_.AddMaterial(material, coordinates_.UnitLength());
+    if (Shines(material)) shining_.emplace_back(number, material);
+    return number;
   }
   Status SetAlphaLevels(uint32_t material, uint32_t first) override {
     QUARRY_TRY(faces_->Settle());
@@ -92,11 +96,13 @@ class SpillSink final : public ModelSink {
   Result<ImportedScene> Finish();
 
  private:
+  Status NoteShining();
   std::string StatePath() const { return folder_ + "/import-state"; }
 
   std::string folder_;
   uint64_t memory_;
   bool textures_;
+  std::vector<std::pair<uint32_t, Material>> shining_;  ///< materials that triangles_ does not know yet
   uint32_t face_color_ = kWhite;
   uint16_t smoothing_ = kSmoothByAngle;
   uint32_t file_number_ = 0;  ///< of the current file, from 1

@@ -86,6 +86,7 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
   out_.bounds.Include(box.lower);
   out_.bounds.Include(box.upper);
   out_.sample.Add(record);
+  if (!emitters_.empty()) emitters_.Add(record);
   TriangleRecord kept = record;
   MarkOwnNormals(kept);
   return out_.triangles->Append(&kept);
@@ -108,6 +109,7 @@ Status TriangleSpill::Save(ByteWriter& out) {
     out.Put(n);
   out_.sample.Save(out);
   parts_.Save(out);
+  emitters_.Save(out);
   return {};
 }
 
@@ -121,6 +123,7 @@ Status TriangleSpill::Restore(ByteReader& in, bool routed) {
   out_.dropped_not_finite = in.Get<uint64_t>();
   out_.sample.Restore(in);
   parts_.Restore(in);
+  emitters_.Restore(in);
   if (routed) {
     out_.triangles = SpillFile::Left(Path(), RecordBytes(out_.attributes), count);
     WeighUp();

@@ -9,6 +9,7 @@
 #include "common/base/bytes.h"
 #include "common/base/check.h"
 #include "common/base/status.h"
+#include "preprocess/ingest/emitter_list.h"
 #include "preprocess/ingest/imported_scene.h"
 #include "preprocess/ingest/part_sums.h"
 #include "preprocess/ingest/polygon_fan.h"
@@ -42,6 +43,9 @@ class TriangleSpill {
   /// See ModelSink. Not beside AddPolygon().
   void SetAlphaLevels(uint32_t material, uint32_t first) { alpha_levels_[material] = first; }
 
+  /// See EmitterList. Not beside AddPolygon().
+  void NoteMaterial(uint32_t number, const Material& material) { emitters_.NoteMaterial(number, material); }
+
   /// Splits the fan of one polygon in place (see PolygonFan) and keeps its triangles. Errors: disk full.
   Status AddPolygon(std::vector<TriangleRecord>& fan);
   /// Whether the triangles exceed the number that is split in memory.
@@ -62,6 +66,7 @@ class TriangleSpill {
   const ImportedTriangles& result() const { return out_; }
   /// Of all triangles, dropped triangles too.
   PartSums TakeParts() { return std::move(parts_); }
+  std::vector<Emitter> TakeEmitters() { return emitters_.Take(); }
   ImportedTriangles Take() {
     WeighUp();
     return std::move(out_);
@@ -79,6 +84,7 @@ class TriangleSpill {
   ImportedTriangles out_;
   PolygonFan polygon_;
   PartSums parts_;
+  EmitterList emitters_;
   std::map<uint32_t, uint32_t> alpha_levels_;  ///< by material: the first of its levels
   SpillWriter writer_;  ///< of the file in out_; declared last, so that it ends before the file
 };

@@ -50,7 +50,7 @@ RayPacket PacketOf(const std::vector<RayQuery>& rays, size_t first, const SceneM
       meta);
   RayPacket packet;
   SamplePacket samples;
-  list.Next(samples, packet);
+  list.Next(~uint64_t{0}, samples, packet);
   return packet;
 }
 

@@ -17,6 +17,18 @@ uint64_t Integrator::Tint(PacketWork& /*work*/, uint64_t /*lanes*/) const {
   return 0;
 }
 
+void Integrator::Missed(PacketWork& work, uint64_t lanes) const {
+  const SamplePacket& s = work.samples;
+  const View& view = work.view.view;
+  ForEachLane(lanes, [&](uint32_t i) {
+    if (s.path_code[i] == kPrimaryPath) {
+      if (view.backdrop) return;
+      work.film.Cover(s.pixel[i]);
+    }
+    work.film.Add(s.pixel[i], s.weight[static_cast<int>(i)] * view.background);
+  });
+}
+
 void AddLight(PacketWork& work, uint64_t lanes, const Vectors& radiance) {
   const SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {

@@ -23,9 +23,17 @@ class Integrator {
     bool any_hit = false;
     TextureUses uses = 0;       ///< uses of textures that its shading needs
     uint32_t pending_rays = 0;  ///< limit of rays that a sample has waiting in PendingRays
+    bool paths = false;         ///< whether samples have a PathPacket
+    /// Whether lanes whose samples have ended take the next samples at once, not all lanes of a packet
+    /// together: for samples of very different length.
+    bool refills = false;
   };
   virtual Needs needs() const = 0;
 
+  /// The samples of `lanes` begin.
+  virtual void Begin(PacketWork& /*work*/, uint64_t /*lanes*/) const {}
+  /// The rays of `lanes` to their nearest hits have left the scene. Requires: samples belong to pixels.
+  virtual void Missed(PacketWork& work, uint64_t lanes) const;
   /// kShade: the surfaces are complete; without them, the hits are found. Adds the light that needs no ray.
   virtual void Shade(PacketWork& work, uint64_t lanes) const = 0;
   /// kLight: sends the next light ray of each sample, or none.

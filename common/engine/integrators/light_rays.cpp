@@ -57,8 +57,6 @@ uint64_t LightRays::Tint(PacketWork& work, uint64_t lanes) const {
   return waiting;
 }
 
-/// Tints a light ray by the triangle of `voxel` that it has hit. Returns: whether light is left; then the ray
-/// goes on behind the triangle, up to its end.
 bool LightRays::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const {
   SamplePacket& s = work.samples;
   RayPacket& rays = work.rays;

@@ -34,8 +34,24 @@ inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {
   const float cone = std::clamp(along, 0.0f, 1.0f);
   return {direction, distance, light.radiance / distance2 * (cone * cone)};
 }
+/// The light as modes with hard shadows see it: a rectangle is a spot at its centre, of the rectangle's power
+/// straight ahead, that falls off by the square of the cosine.
+inline Light HardLight(const Light& light) {
+  if (light.kind != LightKind::kRectangle) return light;
+  constexpr float kPi = 3.14159265f;
+  const glm::vec3 cross = glm::cross(light.edges[0], light.edges[1]);
+  const float area = std::sqrt(glm::dot(cross, cross));
+  Light spot;
+  spot.kind = LightKind::kPoint;
+  spot.vector = light.vector;
+  spot.radiance = light.radiance * (area / kPi);
+  spot.axis = cross / area;
+  spot.cone_scale = 1;
+  spot.cone_offset = 0;
+  return spot;
+}
 inline LightSample SampleLight(const Light& light, const glm::vec3& position) {
-  return light.kind == LightKind::kSun ? SampleSun(light) : SamplePoint(light, position);
+  return light.kind == LightKind::kSun ? SampleSun(light) : SamplePoint(HardLight(light), position);
 }
 
 /// How a surface scatters and emits light, as an integrator sees it.

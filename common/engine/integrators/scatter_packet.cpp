@@ -57,7 +57,7 @@ void OcclusionDirections(const OcclusionSamples& of, const SurfacePacket& surfac
 
 void Scatter(const ScatterPacket& properties, const Light& from, const SurfacePacket& surfaces,
              uint64_t lanes, LightPacket& samples, Vectors& radiance) {
-  const Light light = from;
+  const Light light = HardLight(from);
   const auto scatter = [&]<bool kPoint, bool kHighlight>(uint64_t here) {
     ForLanes(here, [&](int i, bool meant) {
       const LightSample sample = kPoint ? SamplePoint(light, surfaces.position[i]) : SampleSun(light);

@@ -12,7 +12,7 @@ void EdgeRays::Open(const View& view, const Camera& camera, const Tile& tile) {
   next_ = 0;
 }
 
-RaySource::Lanes EdgeRays::Next(SamplePacket& s, RayPacket& rays) {
+RaySource::Lanes EdgeRays::Next(uint64_t /*free*/, SamplePacket& s, RayPacket& rays) {
   const uint32_t count = std::min(RayPacket::kRays, grid_.size() - next_);
   s.BeginPaths();
   std::fill_n(s.sample, RayPacket::kRays, 0u);

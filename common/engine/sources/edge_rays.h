@@ -16,7 +16,7 @@ class EdgeRays final : public RaySource {
   /// Begins a tile. Requires: `view` and `camera` outlive its rays.
   void Open(const View& view, const Camera& camera, const Tile& tile);
   uint64_t left() const override { return grid_.size() - next_; }
-  Lanes Next(SamplePacket& samples, RayPacket& rays) override;
+  Lanes Next(uint64_t free, SamplePacket& samples, RayPacket& rays) override;
   size_t memory_bytes() const override { return 0; }
 
   static uint32_t PlaceOf(const SamplePacket& samples, uint32_t lane) {

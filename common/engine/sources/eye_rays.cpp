@@ -22,14 +22,29 @@ void EyeRays::Open(const View& view, const Camera& camera, const Tile& tile) {
   next_ = 0;
 }
 
-RaySource::Lanes EyeRays::Next(SamplePacket& s, RayPacket& rays) {
+/// Takes one of the rays that the camera has shot, beside rays that are under way.
+void EyeRays::SetLane(uint32_t lane, SamplePacket& s, RayPacket& rays) const {
+  Ray ray;
+  for (int axis = 0; axis < 3; ++axis) {
+    ray.origin[axis] = primary_.origin[axis][lane];
+    ray.direction[axis] = primary_.direction[axis][lane];
+  }
+  rays.Set(lane, ray);
+  s.t_offset[lane] = primary_.t_offset[lane];
+  s.BeginPath(lane);
+}
+
+RaySource::Lanes EyeRays::Next(uint64_t free, SamplePacket& s, RayPacket& rays) {
   const View& view = *view_;
-  const auto count = static_cast<uint32_t>(std::min<uint64_t>(RayPacket::kRays, count_ - next_));
+  uint64_t begun = 0;
   auto sample = tile_.first_sample + static_cast<uint32_t>(next_ / places_.size());
   auto place = static_cast<uint32_t>(next_ % places_.size());
   const uint32_t across = DepthCells(tile_.columns());
   double x[RayPacket::kRays] = {}, y[RayPacket::kRays] = {};
-  for (uint32_t i = 0; i < count; ++i) {
+  for (uint32_t i = 0; i < RayPacket::kRays && next_ < count_; ++i) {
+    if ((free >> i & 1) == 0) continue;
+    begun |= uint64_t{1} << i;
+    ++next_;
     const Place& p = places_[place];
     const uint32_t px = tile_.X(p.x), py = tile_.Y(p.y);
     const glm::vec2 at = PixelSample(view.seed, s.image_pixel[i] = py * view.width + px, sample);
@@ -43,14 +58,18 @@ RaySource::Lanes EyeRays::Next(SamplePacket& s, RayPacket& rays) {
       ++sample;
     }
   }
-  next_ += count;
   camera_->Shoot(x, y, primary_);
-  rays.SetAll(primary_.origin, primary_.direction);
-  std::copy_n(primary_.t_offset, RayPacket::kRays, s.t_offset);
-  s.BeginPaths();
+  if (~free == 0) {
+    rays.SetAll(primary_.origin, primary_.direction);
+    std::copy_n(primary_.t_offset, RayPacket::kRays, s.t_offset);
+    s.BeginPaths();
+  }
   Lanes lanes;
-  for (uint32_t i = 0; i < count; ++i)
+  for (uint32_t i = 0; i < RayPacket::kRays; ++i) {
+    if ((begun >> i & 1) == 0) continue;
+    if (~free != 0) SetLane(i, s, rays);
     (primary_.misses[i] ? lanes.missing_box : lanes.in_box) |= uint64_t{1} << i;
+  }
   return lanes;
 }
 

@@ -18,7 +18,7 @@ class EyeRays final : public RaySource {
   /// Begins a tile. Requires: `view` and `camera` outlive its rays.
   void Open(const View& view, const Camera& camera, const Tile& tile);
   uint64_t left() const override { return count_ - next_; }
-  Lanes Next(SamplePacket& samples, RayPacket& rays) override;
+  Lanes Next(uint64_t free, SamplePacket& samples, RayPacket& rays) override;
   size_t memory_bytes() const override { return places_.size() * sizeof(Place); }
 
  private:
@@ -28,6 +28,7 @@ class EyeRays final : public RaySource {
     uint8_t x, y;  ///< lattice point in the tile
   };
   static_assert(kTileSize <= 256);
+  void SetLane(uint32_t lane, SamplePacket& s, RayPacket& rays) const;
 
   const View* view_ = nullptr;
   const Camera* camera_ = nullptr;

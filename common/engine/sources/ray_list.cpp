@@ -14,7 +14,7 @@ void RayList::Open(RayPart part, const SceneMeta& scene) {
   next_ = 0;
 }
 
-RaySource::Lanes RayList::Next(SamplePacket& s, RayPacket& rays) {
+RaySource::Lanes RayList::Next(uint64_t /*free*/, SamplePacket& s, RayPacket& rays) {
   const uint32_t count = std::min(RayPacket::kRays, part_.count - next_);
   s.BeginPaths();
   std::fill_n(s.sample, RayPacket::kRays, 0u);

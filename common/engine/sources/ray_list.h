@@ -24,7 +24,7 @@ class RayList final : public RaySource {
   /// Begins a part. Requires: CheckRay(); at most kMostRays; `scene` outlives its rays.
   void Open(RayPart part, const SceneMeta& scene);
   uint64_t left() const override { return part_.count - next_; }
-  Lanes Next(SamplePacket& samples, RayPacket& rays) override;
+  Lanes Next(uint64_t free, SamplePacket& samples, RayPacket& rays) override;
   size_t memory_bytes() const override { return 0; }
 
  private:

@@ -19,10 +19,10 @@ class RaySource {
   struct Lanes {
     uint64_t in_box = 0, missing_box = 0;
   };
-  /// Begins the next samples of a packet: their places in the result, their weights, and their rays.
-  /// Requires: left() > 0. Returns the lanes whose rays meet the scene's box, and the others that are
-  /// samples.
-  virtual Lanes Next(SamplePacket& samples, RayPacket& rays) = 0;
+  /// Begins the next samples in the lanes of a packet that are `free`: their places in the result, their
+  /// weights, and their rays. Requires: left() > 0; all lanes are free unless the source is EyeRays. Returns
+  /// the lanes whose rays meet the scene's box, and the others that are samples.
+  virtual Lanes Next(uint64_t free, SamplePacket& samples, RayPacket& rays) = 0;
   virtual size_t memory_bytes() const = 0;
 };
 

@@ -47,7 +47,10 @@ SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t
     if (has(TextureUse::kSpecular) && !p.unlit) p.specular = values.specular;
     return p;
   }
-  if (has(TextureUse::kSpecular)) p.specular = values.specular;
+  if (has(TextureUse::kSpecular)) {
+    p.specular = values.specular;
+    if (p.base_metalness <= 0 && p.transmission_weight <= 0) SetHighlight(p, values.specular);
+  }
   if (!has(TextureUse::kDiffuse)) return p;
   p.diffuse = values.base * material.geometry_opacity;
   p.base_color = glm::min(values.base + materials_[number].sent_on, glm::vec3(1));

@@ -59,8 +59,8 @@ class SceneSurfaces {
     return pyramids_[texture.binding.texture];
   }
   /// The material's properties where its textures `uses` have the values `values`. These replace values of
-  /// the form that the other form was derived from. Of OpenPBR's parameters, which modes with weights do not
-  /// use, only the base colour follows the weights.
+  /// the form that the other form was derived from. Of OpenPBR's parameters the base colour
+  /// and the highlight follow the weights.
   SurfaceProperties PropertiesAt(const Material& material, uint32_t number, TextureUses uses,
                                  const TextureValues& values) const;
 

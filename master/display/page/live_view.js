@@ -39,7 +39,10 @@ export class LiveView {
   /// "y" or "z": the scene's axis, unless the view has another.
   get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
   /// The view's lights. `lights`: the default view's.
-  lights(lights) { return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights; }
+  lights(lights) {
+    if (this.scene?.shines && this.view?.mode === 'path' && !this.view.sky) return [];
+    return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights;
+  }
   /// The named views with that axis up.
   get namedViews() { return this.upAxis === this.scene?.up_axis ? this.scene.views : this.scene?.turned_views; }
   get isMoving() { return this.holds.size > 0; }

@@ -68,9 +68,9 @@ class Live(Case):
     def test_the_exact_picture_is_the_file_of_a_job(self):
         client = self.client(self.start(self.store("plant", 100000), cache="1M"))
         whole = client.welcome["view"]
-        for mode in ("ao", "raycast", "shadow", "whitted", "voxels"):
+        for mode in ("ao", "raycast", "shadow", "whitted", "path", "voxels"):
             for extra in ({}, {"exposure": 1.5}, {"spp": 7, "seed": 3, "background": [0, 0.1, 0]}):
-                view = {**whole, "size": [200, 150], "mode": mode, **extra}
+                view = {**whole, "size": [80, 60] if mode == "path" else [200, 150], "mode": mode, **extra}
                 client.want(view)
                 header, images = client.until_exact(60 * PATIENCE)
                 self.assertEqual(images[0], self.batch(view), f"{mode} {extra}")

@@ -295,6 +295,7 @@ class Options(Case):
                 (walk, ["--eye", "1,2,3"]), (walk, ["--at", "1,2,3"]), (walk, ["--up", "0,0,1"]), (walk, ["--fov", 30]),
                 (walk, ["--ortho", 3]), (self.render, ["--fov", 30, "--ortho", 3]), (self.render, ["--sun", "0,0,1"]),
                 (self.render, ["--lights", self.path("lights.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
+                (self.render, ["--bounces", 3]), ([*self.render, "--mode", "whitted"], ["--bounces", 3]), ([*self.render, "--mode", "shadow"], ["--sky", 3]),
                 ([*self.render[:4], self.path("x.exr")], ["--exposure", 1]), (self.render, ["--frames", 0]),
                 *(([*self.render, "--master", "127.0.0.1:1"], [o, v]) for o, v in (("--workers", 2), ("--threads", 2), ("--cache", "1M"))),
                 ([*self.preprocess, "--plan"], ["--resume"]),
@@ -305,6 +306,25 @@ class Options(Case):
                 self.must_fail(2, option[0] + r"\b.* (has no effect|needs)", *command, *option)
         # The environment is there for many commands.
         self.assertEqual(self.run_program(*self.render, "--size", "8x8", env={**os.environ, "QUARRY_CACHE": "64M"}).returncode, 0)
+
+    def test_light_that_cannot_be(self):
+        path, view = [*self.render, "--mode", "path"], self.path("view.json")
+        for sentence, *options in (("--bounces: .*65", "--bounces", 65), ("--sky: .*11", "--sky", 11), ("--sky: .*1.5", "--sky", 1.5),
+                                   ("--sky.*5 degrees", "--sky", 3, "--sun", "1,0,0.05", "--up-axis", "z"),
+                                   ("needs a sun", "--sky", 3, "--lights", self.path("lights.json"))):
+            self.must_fail(2, sentence, *path, *options)
+        sun = {"type": "sun", "direction": [0, 0, 1], "radiance": [1, 1, 1]}
+        rectangle = {"type": "rectangle", "position": [0, 0, 3], "edges": [[1, 0, 0], [0, 1, 0]], "radiance": [1, 1, 1]}
+        for sentence, member in ((r"bounces", {"bounces": 65}), (r"sky\.turbidity", {"sky": {"turbidity": 12}}), ("sky.*color", {"sky": {"color": [1, 1, 1]}}),
+                                 ("no area", {"lights": [{**rectangle, "edges": [[1, 0, 0], [2, 0, 0]]}]}), ("two sides", {"lights": [{**rectangle, "edges": [[1, 0, 0]]}]}),
+                                 ("edges", {"lights": [{k: v for k, v in rectangle.items() if k != "edges"}]}), ("invalid", {"lights": [{**sun, "angle": 91}]}),
+                                 ("sun, point or rectangle", {"lights": [{**sun, "type": "disc"}]}), ("radiance", {"lights": [{**sun, "radiance": [1, 1, None]}]})):
+            pathlib.Path(view).write_text(json.dumps({"mode": "path", **member}))
+            with self.subTest(sentence=sentence):
+                failed = self.run_program(*self.render, "--view", view, "--quiet")
+                self.assertIn(failed.returncode, (1, 2), failed.stderr)
+                self.assertRegex(failed.stderr, sentence)
+                self.assertEqual(len(failed.stderr.strip().splitlines()), 1, failed.stderr)
 
     def test_mistyped_names_get_a_suggestion(self):
         for command, sentence in (

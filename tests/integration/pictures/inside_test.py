@@ -10,7 +10,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.exr import read_exr
 from tests.integration.programs import Case, main
 
-MODES = ("ao", "raycast", "shadow", "whitted", "voxels")
+MODES = ("ao", "raycast", "shadow", "whitted", "path", "voxels")
 LAYERS = "depth,normal,uv,primitive,material,part,voxel,albedo"
 NONE = 0xFFFFFFFF
 

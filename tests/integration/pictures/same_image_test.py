@@ -11,6 +11,7 @@ import unittest
 import unittest.mock
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
+from tests.integration.exr import read_exr
 from tests.integration.programs import BIN, TIMEOUT_S, Case, end, main
 
 TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
@@ -125,6 +126,38 @@ class GlassInShadow(Case):
                                              (None, 1, 2, decoded), ("scalar", 1, 2, decoded), ("avx2", 1, 1, largest)):
             with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
                 self.assertEqual(render(isa, workers, threads, cache), reference)
+
+
+class Paths(Case):
+    def test_path_tracing(self):
+        """Mode path, with a clear sky, a disc of a sun, a rectangle and a point: paths of all lengths wait for voxels."""
+        scene = self.store("plant", 60000, voxel_size="16K")
+        info = self.info(scene)
+        decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"], info["largest_decoded_bytes"]
+        view, image = self.path("path.json"), self.path("path.exr")
+        pathlib.Path(view).write_text(json.dumps({
+            "mode": "path", "spp": 3, "size": [160, 120], "bounces": 5, "sky": {"turbidity": 3}, "aov": ["depth", "primitive", "albedo"],
+            "camera": {"eye": [6, 6, 14], "at": [30, 30, 16], "fov": 70},
+            "lights": [{"type": "sun", "direction": [0.4, 0.3, 1], "radiance": [0.9, 0.9, 0.8]},
+                       {"type": "point", "position": [20, 20, 20], "radiance": [20, 15, 10]},
+                       {"type": "rectangle", "position": [25, 30, 25], "edges": [[0, 4, 0], [4, 0, 0]], "radiance": [9, 9, 9]}]}))
+
+        def render(isa, workers, threads, cache, *crop):
+            environment = {} if isa is None else {"QUARRY_ISA": isa}
+            with unittest.mock.patch.dict(os.environ, environment):
+                self.must("quarry", "render", scene, "-o", image, "--quiet", "--view", view, "--workers", workers, "--threads", threads,
+                          "--cache", cache, *crop)
+            return pathlib.Path(image).read_bytes()
+
+        reference = render(None, 1, 1, decoded)
+        for isa, workers, threads, cache in ((None, 1, 2, largest), (None, 2, 1, decoded // 20), ("scalar", 1, 2, decoded), ("avx2", 2, 2, decoded)):
+            with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
+                self.assertEqual(render(isa, workers, threads, cache), reference)
+        whole = read_exr(pathlib.Path(image)).rows
+        render(None, 2, 1, decoded, "--crop", "37,21,70,60")
+        part = read_exr(pathlib.Path(image)).rows
+        for name in whole:
+            self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name], name)
 
 
 class PilesOfVoxels(Case):

@@ -1,6 +1,7 @@
 #include "preprocess/import/obj/mtl.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include "tests/unit/recording_sink.h"
 
@@ -39,7 +40,14 @@ TEST_CASE("MTL: metal and roughness, given or derived") {
   const Material shiny = One("Kd 0.5 0.25 0\nKs 0.5\nNs 198\nillum 2");
   CHECK(shiny.base_color == glm::vec3(0.5f, 0.25f, 0));
   CHECK(shiny.base_metalness == 0);
-  CHECK(shiny.specular_roughness == Approx(0.1));
+  CHECK(shiny.specular_roughness == Approx(std::sqrt(0.1)));
+  CHECK((shiny.specular_weight == 1 && shiny.specular_ior == 1.5f && shiny.specular_color == glm::vec3(1)));
+  const Material dull = One("Kd 0.5\nKs 0.1 0.2 0.3\nNs 10");
+  CHECK(dull.specular_weight == Approx(0.4));
+  CHECK(dull.specular_color.x == Approx(1 / 3.0));
+  const Material bright = One("Kd 0.5\nKs 1\nNs 10");
+  const float root = (bright.specular_ior - 1) / (bright.specular_ior + 1);
+  CHECK((bright.specular_weight == 1 && root * root == Approx(0.08)));
   const Material mirror = One("Kd 0\nKs 0.75\nNs 1000\nillum 3");
   CHECK(mirror.base_metalness == 1);
   CHECK(mirror.base_color == glm::vec3(0.75f));

@@ -21,7 +21,13 @@ RenderJob MakeJob() {
   job.view.aov_mask = 0x55;
   job.format.name = "exr";
   job.view.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
-                     {LightKind::kSun, {0, 0, 1}, {1, 1, 1}}};
+                     {LightKind::kSun, {0, 0, 1}, {1, 1, 1}},
+                     {LightKind::kRectangle, {1, 2, 3}, {9, 8, 7}}};
+  job.view.lights[1].angle = 7.5f;
+  job.view.lights[2].edges[0] = {1, 0, 0.5f};
+  job.view.lights[2].edges[1] = {0, 2, 0};
+  job.view.bounces = 3;
+  job.view.sky = {{0.1f, 0.2f, 0.3f}, 4};
   job.view.ambient = {0.1f, 0.2f, 0.3f};
   job.view.background = {0.4f, 0.5f, 0.6f};
   job.view.backdrop = false;
@@ -49,12 +55,15 @@ void CheckSame(const View& a, const View& b) {
   CHECK(a.ambient == b.ambient);
   CHECK(a.background == b.background);
   CHECK(a.backdrop == b.backdrop);
+  CHECK((a.bounces == b.bounces && a.sky == b.sky));
   REQUIRE(a.lights.size() == b.lights.size());
   for (size_t i = 0; i < a.lights.size(); ++i) {
     CHECK(a.lights[i].kind == b.lights[i].kind);
     CHECK(a.lights[i].vector == b.lights[i].vector);
     CHECK(a.lights[i].radiance == b.lights[i].radiance);
     CHECK(a.lights[i].axis == b.lights[i].axis);
+    CHECK(a.lights[i].angle == b.lights[i].angle);
+    for (int e = 0; e < 2; ++e) CHECK(a.lights[i].edges[e] == b.lights[i].edges[e]);
     CHECK((a.lights[i].cone_scale == b.lights[i].cone_scale &&
            a.lights[i].cone_offset == b.lights[i].cone_offset));
   }

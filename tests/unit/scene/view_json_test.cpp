@@ -38,6 +38,12 @@ View AnyView() {
   view.ao_distance = 0.1f;
   view.lights = {{LightKind::kPoint, {1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 2.5f, -1.25f},
                  {LightKind::kSun, {0, 0, 1}, {0.1f, 1, 1}}};
+  view.lights[1].angle = 2.5f;
+  view.lights.push_back({LightKind::kRectangle, {1, 2, 3}, {9, 8, 7}});
+  view.lights[2].edges[0] = {1, 0, 0.5f};
+  view.lights[2].edges[1] = {0, 2, 0};
+  view.bounces = 3;
+  view.sky.radiance = {0.5f, 0.75f, 1};
   view.ambient = {0.1f, 0.2f, 0.3f};
   view.background = {0.4f, 0.5f, 0.6f};
   view.backdrop = false;
@@ -59,11 +65,37 @@ TEST_CASE("A view is restored from JSON bit by bit, whatever the offset", "[view
     CHECK(back.view.camera.eye == view.camera.eye);
     CHECK(back.view.lights[0].vector == view.lights[0].vector);
     CHECK(back.view.lights[0].cone_offset == view.lights[0].cone_offset);
+    CHECK(back.view.lights[1].angle == 2.5f);
+    CHECK(back.view.lights[2].edges[0] == view.lights[2].edges[0]);
+    CHECK((back.view.bounces == 3 && back.view.sky == view.sky));
     CHECK(back.view.seed == view.seed);
     CHECK(back.view.ao_distance == view.ao_distance);
     CHECK(back.view.crop == view.crop);
     CHECK(back.format.exposure == -1.75);
   }
+}
+
+TEST_CASE("A clear sky needs a sun and a haze that is known; a rectangle needs an area", "[view]") {
+  const auto fault = [](auto&& change) {
+    View view = AnyView();
+    view.crop = {};
+    view.mode = RenderMode::kPath;
+    change(view);
+    const Status status = NormalizeView(view);
+    return status ? std::string() : status.error().message;
+  };
+  CHECK(fault([](View&) {}).empty());
+  CHECK(fault([](View& v) { v.sky = {glm::vec3(0), 3}; }).empty());
+  CHECK_THAT(fault([](View& v) { v.sky = {glm::vec3(0), 11}; }), Contains("turbidity"));
+  CHECK_THAT(fault([](View& v) { v.sky.radiance.x = -1; }), Contains("sky"));
+  CHECK_THAT(fault([](View& v) {
+               v.sky = {glm::vec3(0), 3}, v.lights.erase(v.lights.begin() + 1);
+             }),
+             Contains("needs a sun"));
+  CHECK_THAT(fault([](View& v) { v.bounces = 65; }), Contains("--bounces"));
+  CHECK_THAT(fault([](View& v) { v.lights[1].angle = 91; }), Contains("invalid value"));
+  CHECK_THAT(fault([](View& v) { v.lights[2].edges[1] = v.lights[2].edges[0] * 2.0f; }), Contains("no area"));
+  CHECK_THAT(fault([](View& v) { v.lights[2].edges[1] = glm::vec3(0); }), Contains("no area"));
 }
 
 TEST_CASE("Members that a view leaves out keep their values", "[view]") {
@@ -100,7 +132,12 @@ TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf(R"({"up_axis": "x"})"), Contains("v.json: up_axis: must be y or z"));
   CHECK_THAT(ErrorOf(R"({"ao": {"rays": 1}})"), Contains("v.json: ao: 'rays' is not known"));
   CHECK_THAT(ErrorOf(R"({"ao": {"distance": 1e300}})"), Contains("v.json: ao.distance: is too large"));
-  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"), Contains("lights[0].type: must be sun or point"));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"),
+             Contains("lights[0].type: must be sun, point or rectangle"));
+  CHECK_THAT(ErrorOf(R"({"sky": {"turbidity": 1.5}})"), Contains("v.json: sky.turbidity: must lie between"));
+  CHECK_THAT(ErrorOf(R"({"sky": {"colour": 1}})"), Contains("sky: 'colour' is not known"));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "rectangle", "position": [0,0,0], "radiance": [1,1,1]}]})"),
+             Contains("lights[0]: 'edges' is missing"));
   CHECK_THAT(ErrorOf("[]"), Contains("v.json: must be an object"));
 }
 
@@ -159,6 +196,7 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   const nlohmann::ordered_json answer = {{"scene_id", "00"},
                                          {"offset", {1000, 2000, 3000}},
                                          {"plain", true},
+                                         {"shines", false},
                                          {"materials", {"steel"}},
                                          {"cameras", CamerasToJson(views)},
                                          {"lights", LightsToJson(views)},
@@ -182,7 +220,7 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   CHECK(summary->framing.up_axis == 1);
   CHECK(summary->framing.inside->at == framing.inside->at);
   CHECK(summary->framing.inside_distance == 2.5);
-  for (const char* const member : {"scene_id", "offset", "plain", "cameras", "lights", "framing"}) {
+  for (const char* const member : {"scene_id", "offset", "plain", "shines", "cameras", "lights", "framing"}) {
     auto without = answer;
     without.erase(member);
     const auto refused = read(without);

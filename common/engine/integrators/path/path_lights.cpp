@@ -1,0 +1,283 @@
+#include "common/engine/integrators/path/path_lights.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <span>
+
+#include "common/engine/integrators/scatter.h"
+#include "common/math/elementary.h"
+#include "common/math/sampling.h"
+
+namespace quarry {
+namespace {
+
+constexpr double kPi = 3.14159265358979324;
+constexpr auto kPiFloat = static_cast<float>(kPi);
+
+/// Numbers of a choice: as many as SobolSample() gives, so that shares of them are exact.
+constexpr uint32_t kNumbers = 1u << 24;
+
+float ChanceOf(uint32_t begin, uint32_t end) {
+  return static_cast<float>(end - begin) / static_cast<float>(kNumbers);
+}
+
+/// The entry whose numbers a choice is among.
+size_t Chosen(const std::vector<uint32_t>& below, float choice) {
+  const auto number = static_cast<uint32_t>(choice * static_cast<float>(kNumbers));
+  const auto at = static_cast<size_t>(std::ranges::upper_bound(below, number) - below.begin());
+  return std::min(at, below.size() - 1);
+}
+
+/// Appends the end of an entry's numbers, of which `below` is the share up to that end.
+void EndNumbers(double below, bool last, std::vector<uint32_t>& ends) {
+  ends.push_back(last ? kNumbers : static_cast<uint32_t>(below * static_cast<double>(kNumbers)));
+}
+
+double MeanOf(const glm::vec3& v) {
+  return (static_cast<double>(v.x) + static_cast<double>(v.y) + static_cast<double>(v.z)) / 3;
+}
+
+glm::vec3 UpOf(const View& view, const SceneMeta& scene) {
+  return (view.up_axis != 0 ? view.up_axis : scene.up_axis) == 1 ? glm::vec3(0, 1, 0) : glm::vec3(0, 0, 1);
+}
+
+/// Whether one face of the section's box, or one of its planes, cuts all of these points off.
+bool IsCutOff(const SectionCut& section, std::span<const glm::vec3> points) {
+  const auto all = [&](auto&& beyond) { return std::ranges::all_of(points, beyond); };
+  for (int axis = 0; section.has_box && axis < 3; ++axis)
+    if (all([&](const glm::vec3& p) { return static_cast<double>(p[axis]) < section.lower[axis]; }) ||
+        all([&](const glm::vec3& p) { return static_cast<double>(p[axis]) > section.upper[axis]; }))
+      return true;
+  return std::ranges::any_of(section.planes, [&](const SectionPlane& plane) {
+    return all([&](const glm::vec3& p) { return glm::dot(glm::dvec3(p) - plane.point, plane.normal) > 0; });
+  });
+}
+
+/// The power that a light sends into a sphere of radius `radius` around the scene; a unit is 4 pi^2.
+double PowerOf(const Light& light, double area, double radius) {
+  switch (light.kind) {
+    case LightKind::kSun:
+      return MeanOf(light.radiance) * radius * radius / 4;
+    case LightKind::kRectangle:
+      return MeanOf(light.radiance) * area / (4 * kPi);
+    case LightKind::kPoint:
+      break;
+  }
+  return MeanOf(light.radiance);
+}
+
+}  // namespace
+
+PathLights::Entry PathLights::EntryOf(const Light& light) {
+  Entry entry;
+  entry.light = &light;
+  if (light.kind == LightKind::kSun && light.angle > 0) {
+    double sine = 0, cosine = 1;
+    SinCos(static_cast<double>(light.angle) * kPi / 720, sine, cosine);
+    const double cap = 2 * sine * sine, solid = 2 * kPi * cap;  // 1 - cos(a) is 2 sin(a / 2)^2
+    entry.cap = static_cast<float>(cap);
+    entry.sine2 = static_cast<float>(4 * sine * sine * cosine * cosine);
+    entry.disc_density = static_cast<float>(1 / solid);
+    entry.disc = light.radiance * static_cast<float>(kPi / solid);
+  }
+  if (light.kind == LightKind::kRectangle) {
+    const glm::dvec3 cross = glm::cross(glm::dvec3(light.edges[0]), glm::dvec3(light.edges[1]));
+    const double area = std::sqrt(glm::dot(cross, cross));
+    entry.area = static_cast<float>(area);
+    entry.front = glm::vec3(cross / area);
+  }
+  return entry;
+}
+
+PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways)
+    : lights_(view.lights), section_(view.section), ways_(ways) {
+  const SceneMeta& meta = scene.meta;
+  const glm::dvec3 size = glm::dvec3(meta.bounds_upper) - glm::dvec3(meta.bounds_lower);
+  const double radius = std::max(std::sqrt(glm::dot(size, size)) / 2, 1e-30);
+  std::vector<double> powers;
+  const auto add = [&](const Entry& entry, double power) {
+    if (!(power > 0)) return;
+    entries_.push_back(entry);
+    powers.push_back(power);
+  };
+  for (const Light& light : lights_) {
+    const Entry entry = EntryOf(light);
+    add(entry, PowerOf(light, static_cast<double>(entry.area), radius));
+    can_be_met_ |= entry.disc_density > 0 || entry.area > 0;
+  }
+  if (view.sky.shines()) {
+    const auto sun = std::ranges::find(lights_, LightKind::kSun, &Light::kind);
+    const glm::vec3 up = UpOf(view, meta);
+    sky_.emplace(view.sky, sun == lights_.end() ? up : sun->vector, up);
+    add({}, MeanOf(sky_->mean()) * radius * radius);
+    can_be_met_ = true;
+  }
+  Entry emitters;
+  emitters.emitters = true;
+  add(emitters, TakeEmitters(view, scene));
+  ShareChances(powers);
+}
+
+/// Each light is chosen by its power and evenly, by halves, so that a weak lamp near by is asked beside the
+/// sun.
+void PathLights::ShareChances(const std::vector<double>& powers) {
+  double all = 0, below = 0;
+  for (const double power : powers) all += power;
+  for (size_t i = 0; i < entries_.size(); ++i) {
+    const uint32_t begin = i == 0 ? 0 : chosen_below_.back();
+    below += 0.5 * powers[i] / all + 0.5 / static_cast<double>(entries_.size());
+    EndNumbers(below, i + 1 == entries_.size(), chosen_below_);
+    entries_[i].chance = ChanceOf(begin, chosen_below_.back());
+    if (!entries_[i].emitters) continue;
+    for (Shining& shining : shining_) shining.chance *= entries_[i].chance;
+  }
+}
+
+/// Takes up the emitters that the view shows as they are. Returns their power.
+double PathLights::TakeEmitters(const View& view, const Catalog& scene) {
+  const PartSelection* const selection = view.parts.selection.get();
+  std::vector<double> powers;
+  double all = 0, below = 0;
+  for (const Emitter& emitter : scene.emitters) {
+    if (selection && (HasPart(selection->hidden, emitter.part) || selection->ColorOf(emitter.part))) continue;
+    if (IsCutOff(section_, emitter.corners)) continue;
+    const double area = AreaOf(emitter);
+    Shining shining;
+    shining.triangle = emitter.triangle;
+    shining.corner = emitter.corners[0];
+    for (int i = 0; i < 2; ++i) shining.sides[i] = emitter.corners[i + 1] - emitter.corners[0];
+    const glm::dvec3 a(emitter.corners[0]), b(emitter.corners[1]), c(emitter.corners[2]);
+    shining.normal = glm::vec3(glm::cross(b - a, c - a) / (2 * area));
+    shining.radiance = scene.materials[emitter.material].emission;
+    shining.area = static_cast<float>(area);
+    shining_.push_back(shining);
+    powers.push_back(MeanOf(shining.radiance) * area / (2 * kPi));
+    all += powers.back();
+  }
+  for (size_t i = 0; i < shining_.size(); ++i) {
+    const uint32_t begin = i == 0 ? 0 : shining_below_.back();
+    below += powers[i] / all;
+    EndNumbers(below, i + 1 == shining_.size(), shining_below_);
+    shining_[i].chance = ChanceOf(begin, shining_below_.back());
+  }
+  return all;
+}
+
+float PathLights::AskedShare(float asked, float met) const {
+  if (ways_ != LightWays::kBoth) return ways_ == LightWays::kAsked ? 1.0f : 0.0f;
+  const float a = asked * asked, b = met * met;
+  return a / (a + b);
+}
+
+float PathLights::MetShare(float met, float asked) const {
+  if (!(met > 0) || !(asked > 0)) return 1;
+  return 1 - AskedShare(asked, met);
+}
+
+PathLights::Sample PathLights::Toward(const glm::vec3& position, const glm::vec2& choice,
+                                      const glm::vec2& u) const {
+  const Entry& entry = entries_[Chosen(chosen_below_, choice.x)];
+  if (entry.emitters) return TowardEmitter(position, choice.y, u);
+  if (!entry.light) {
+    const glm::vec3 direction = sky_->Direction(u);
+    const float density = sky_->Density(direction) * entry.chance;
+    return {direction, kInfinity, sky_->Radiance(direction) / density, density};
+  }
+  if (entry.area > 0) return TowardRectangle(entry, position, u);
+  if (entry.disc_density > 0) return TowardDisc(entry, u);
+  const LightSample seen = SampleLight(*entry.light, position);
+  return {seen.direction, seen.distance, seen.radiance * (kPiFloat / entry.chance), 0};
+}
+
+PathLights::Sample PathLights::TowardRectangle(const Entry& entry, const glm::vec3& position,
+                                               const glm::vec2& u) {
+  const Light& light = *entry.light;
+  const glm::vec3 to =
+      light.vector + light.edges[0] * (u.x - 0.5f) + light.edges[1] * (u.y - 0.5f) - position;
+  const float distance2 = std::max(glm::dot(to, to), 1e-20f), distance = std::sqrt(distance2);
+  const glm::vec3 direction = to / distance;
+  const float cosine = -glm::dot(direction, entry.front);
+  if (!(cosine > 0)) return {};
+  const float density = entry.chance * distance2 / (entry.area * cosine);
+  return {direction, distance, light.radiance / density, density};
+}
+
+/// Uniform over the cap of the sky that is the disc: the height falls with the square of the radius of a
+/// point on a disk.
+PathLights::Sample PathLights::TowardDisc(const Entry& entry, const glm::vec2& u) {
+  const glm::vec2 disk = ConcentricDisk(u);
+  const float r2 = std::min(glm::dot(disk, disk), 1.0f), low = entry.cap * r2;
+  const float side = std::sqrt(std::max(low * (2 - low), 0.0f) / std::max(r2, 1e-18f));
+  const glm::vec3 middle = entry.light->vector;
+  const glm::vec3 other = std::fabs(middle.x) < 0.9f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
+  const glm::vec3 across = glm::normalize(glm::cross(middle, other)), along = glm::cross(middle, across);
+  const glm::vec3 direction = Unit(across * (disk.x * side) + along * (disk.y * side) + middle * (1 - low));
+  const float density = entry.disc_density * entry.chance;
+  return {direction, kInfinity, entry.disc / density, density};
+}
+
+/// Uniform over the triangle. Source: Turk 1990.
+PathLights::Sample PathLights::TowardEmitter(const glm::vec3& position, float choice,
+                                             const glm::vec2& u) const {
+  const Shining& shining = shining_[Chosen(shining_below_, choice)];
+  const float root = std::sqrt(u.x), b = root * (1 - u.y), c = root * u.y;
+  const glm::vec3 at = shining.corner + shining.sides[0] * b + shining.sides[1] * c, to = at - position;
+  if (IsCutOff(section_, std::span(&at, 1))) return {};
+  const float distance2 = std::max(glm::dot(to, to), 1e-20f), distance = std::sqrt(distance2);
+  const glm::vec3 direction = to / distance;
+  const float cosine = std::fabs(glm::dot(direction, shining.normal));
+  if (!(cosine > 1e-6f)) return {};
+  const float density = shining.chance * distance2 / (shining.area * cosine);
+  return {direction, distance, shining.radiance / density, density};
+}
+
+float PathLights::EmitterDensity(uint32_t triangle, float distance, float cosine) const {
+  const auto at = std::ranges::lower_bound(shining_, triangle, {}, &Shining::triangle);
+  if (at == shining_.end() || at->triangle != triangle) return 0;
+  return at->chance * distance * distance / (at->area * std::max(cosine, 1e-6f));
+}
+
+glm::vec3 PathLights::OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,
+                               float density) const {
+  glm::vec3 all(0);
+  for (const Entry& entry : entries_) {
+    if (!(entry.area > 0)) continue;
+    const Light& light = *entry.light;
+    const float cosine = -glm::dot(direction, entry.front);
+    if (!(cosine > 0)) continue;
+    const float t = glm::dot(origin - light.vector, entry.front) / cosine;
+    if (!(t > begin) || !(t < end)) continue;
+    const glm::vec3 at = origin + direction * t - light.vector;
+    const auto within = [&](const glm::vec3& edge, const glm::vec3& across) {
+      const glm::vec3 dual = glm::cross(across, entry.front);
+      return std::fabs(glm::dot(at, dual)) <= 0.5f * std::fabs(glm::dot(edge, dual));
+    };
+    if (!within(light.edges[0], light.edges[1]) || !within(light.edges[1], light.edges[0])) continue;
+    all += light.radiance * MetShare(density, entry.chance * t * t / (entry.area * cosine));
+  }
+  return all;
+}
+
+glm::vec3 PathLights::Discs(const glm::vec3& direction, float density) const {
+  glm::vec3 all(0);
+  for (const Entry& entry : entries_) {
+    if (!(entry.disc_density > 0) || !(glm::dot(direction, entry.light->vector) > 0)) continue;
+    const glm::vec3 aside = glm::cross(direction, entry.light->vector);
+    if (glm::dot(aside, aside) > entry.sine2) continue;
+    all += entry.disc * MetShare(density, entry.disc_density * entry.chance);
+  }
+  return all;
+}
+
+glm::vec3 PathLights::Behind(const glm::vec3& direction, float density) const {
+  glm::vec3 all = Discs(direction, density);
+  if (!sky_) return all;
+  for (const Entry& entry : entries_)
+    if (!entry.light && !entry.emitters)
+      all += sky_->Radiance(direction) * MetShare(density, sky_->Density(direction) * entry.chance);
+  return all;
+}
+
+}  // namespace quarry

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <vector>
+
+#include "common/engine/integrators/path/sky_light.h"
+#include "common/scene/shown/section_cut.h"
+#include "common/scene/view.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+/// The ways by which paths find lights: each vertex asks for one, and rays that go on meet them. One alone is
+/// for tests.
+enum class LightWays { kBoth, kAsked, kMet };
+
+/// The lights of a view for mode `path`: suns with discs, points and spots, rectangles, the sky, and the
+/// scene's table of emitters, but for those that are hidden, coloured or cut off. A vertex chooses one of
+/// them, by its power and evenly by halves; paths find discs, rectangles and the sky too. Radiance is linear
+/// RGB, densities are by solid angle. Immutable, so thread-safe. The same bits on all machines. Memory: 68
+/// bytes an emitter.
+class PathLights {
+ public:
+  /// `view` is normalized.
+  PathLights(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth);
+  PathLights(const PathLights&) = delete;
+
+  bool empty() const { return entries_.empty(); }
+  /// Whether paths can find one of the lights, emitters apart.
+  bool can_be_met() const { return can_be_met_; }
+
+  struct Sample {
+    glm::vec3 direction{0};
+    float distance = 0;
+    glm::vec3 light{0};  ///< radiance over the density; of a point, irradiance over the chance
+    float density = 0;   ///< with which the direction is chosen; 0: of a point, which paths cannot find
+  };
+  /// The share of a light that a vertex has asked for, when its BSDF finds the direction with `met`; and that
+  /// of a light that a ray has met, when a vertex asks for it with `asked`. Either is 0 where that way does
+  /// not find the light. Source: Veach 1997, section 9.2.4 (the power heuristic).
+  float AskedShare(float asked, float met) const;
+  float MetShare(float met, float asked) const;
+
+  /// A light as seen from a position. `choice` (of the light, and among emitters), `u`: in [0, 1)^2, each
+  /// number a multiple of 2^-24. A `light` of 0: none shines there. Requires: not empty().
+  Sample Toward(const glm::vec3& position, const glm::vec2& choice, const glm::vec2& u) const;
+  /// The density with which Toward() finds a point of a triangle at this distance, where `cosine` is that
+  /// between the ray and the triangle's normal. 0: the triangle is not in the table.
+  float EmitterDensity(uint32_t triangle, float distance, float cosine) const;
+
+  /// The light of rectangles that a ray crosses between `begin` and `end` (units: t of a unit direction), and
+  /// that of discs and the sky behind all. `density`: with which the ray was chosen; each light is weighed
+  /// against its own choice by the power heuristic. 0: it could not be chosen by lights.
+  glm::vec3 OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,
+                     float density) const;
+  glm::vec3 Behind(const glm::vec3& direction, float density) const;
+  /// The discs of suns alone, which the eye sees; the sky is light, not a background.
+  glm::vec3 Discs(const glm::vec3& direction, float density) const;
+
+ private:
+  struct Entry {
+    const Light* light = nullptr;  ///< null: the sky, or the emitters
+    bool emitters = false;
+    float chance = 0;
+    float disc_density = 0;    ///< of a sun's disc: 1 over its solid angle; 0: there is none
+    float cap = 0, sine2 = 0;  ///< 1 - the cosine of its edge, and the square of the sine
+    glm::vec3 disc{0};         ///< its radiance
+    glm::vec3 front{0};        ///< of a rectangle: unit normal
+    float area = 0;
+  };
+  /// An emitter of the table.
+  struct Shining {
+    uint32_t triangle = 0;
+    glm::vec3 corner{0}, sides[2], normal{0}, radiance{0};
+    float chance = 0, area = 0;  ///< `chance`: of all choices of Toward()
+  };
+  static Entry EntryOf(const Light& light);
+  double TakeEmitters(const View& view, const Catalog& scene);
+  void ShareChances(const std::vector<double>& powers);
+  Sample TowardEmitter(const glm::vec3& position, float choice, const glm::vec2& u) const;
+  static Sample TowardRectangle(const Entry& entry, const glm::vec3& position, const glm::vec2& u);
+  static Sample TowardDisc(const Entry& entry, const glm::vec2& u);
+
+  std::vector<Light> lights_;
+  std::optional<SkyLight> sky_;
+  std::vector<Entry> entries_;
+  std::vector<uint32_t> chosen_below_;   ///< by entry: the first number, of 2^24, that chooses a later one
+  std::vector<Shining> shining_;         ///< by ascending triangle
+  std::vector<uint32_t> shining_below_;  ///< as chosen_below_
+  SectionCut section_;                   ///< points that it cuts off do not shine
+  bool can_be_met_ = false;
+  const LightWays ways_;
+};
+
+}  // namespace quarry

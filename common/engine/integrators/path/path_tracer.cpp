@@ -1,0 +1,288 @@
+#include "common/engine/integrators/path/path_tracer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <glm/common.hpp>
+
+#include "common/engine/film/tile_film.h"
+#include "common/engine/integrators/path/albedo_tables.h"
+#include "common/engine/integrators/path/path_bsdf.h"
+#include "common/engine/integrators/path/path_packet.h"
+#include "common/engine/rays/lanes.h"
+#include "common/engine/surfaces/properties.h"
+#include "common/math/elementary.h"
+#include "common/math/random.h"
+#include "common/math/sampling.h"
+
+namespace quarry {
+namespace {
+
+/// Slots of a vertex's dimensions, see kDimensionsPerBounce.
+enum Slot : uint32_t { kDirection = 0, kChoice = 2, kLight = 4, kLightPlace = 6 };
+/// Bounces before paths end by chance.
+constexpr uint32_t kSafeBounces = 3;
+/// Light rays to areas end so much before them that they do not meet the area itself.
+constexpr float kBeforeArea = 1 - 1e-4f;
+
+glm::vec2 Numbers(const PacketWork& work, uint32_t lane, Slot slot) {
+  const SamplePacket& s = work.samples;
+  return SobolSample(work.view.view.seed, s.image_pixel[lane], s.sample[lane],
+                     s.depth[lane] * kDimensionsPerBounce + slot);
+}
+
+/// A number in [0, 1) for the path and the triangle that it has met, so that a triangle found twice has one
+/// fate.
+float ShareOf(const PacketWork& work, uint32_t lane) {
+  constexpr uint32_t kPassDimension = 0xC08u << 20;  // no sampling uses it
+  const SamplePacket& s = work.samples;
+  const RandomKey key{work.view.view.seed ^ Mix64(work.rays.triangle[lane]), s.image_pixel[lane],
+                      s.sample[lane], s.path_code[lane]};
+  return static_cast<float>(RandomBits(key, kPassDimension) >> 8) * 0x1p-24f;
+}
+
+bool HasOpacityMap(const PacketWork& work, uint32_t material) {
+  return work.view.surfaces->OpacityOf(material) != nullptr;
+}
+
+glm::vec3 PowerOf(const glm::vec3& base, float exponent) {
+  const auto power = [&](float x) {
+    return static_cast<float>(Pow(static_cast<double>(x), static_cast<double>(exponent)));
+  };
+  return {power(base.x), power(base.y), power(base.z)};
+}
+
+void AddTo(PathPacket& path, int lane, const glm::vec3& radiance) {
+  path.radiance.Set(lane, path.radiance[lane] + radiance);
+}
+
+}  // namespace
+
+PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways)
+    : view_(view), lights_(view, scene, ways) {
+  can_find_light_ = lights_.can_be_met();
+  for (const Material& material : scene.materials)
+    can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
+  AlbedoTables::Get();  // before the first ray
+}
+
+Integrator::Needs PathTracer::needs() const {
+  return {.uses = kUsesOfHighlights, .paths = true, .refills = true};
+}
+
+void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
+  PathPacket& path = *work.path;
+  ForEachLane(lanes, [&](uint32_t i) {
+    path.radiance.Set(static_cast<int>(i), glm::vec3(0));
+    path.density[i] = 0;
+  });
+}
+
+/// The eye sees the background and the discs of suns; the rays of further bounces see the sky.
+void PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
+  const SamplePacket& s = work.samples;
+  PathPacket& path = *work.path;
+  ForEachLane(lanes, [&](uint32_t i) {
+    const auto lane = static_cast<int>(i);
+    const glm::vec3 direction = work.rays.DirectionOf(i), origin = work.rays.RayOf(i).origin;
+    const bool of_eye = s.depth[i] == 0;
+    const float begin = of_eye ? -s.t_offset[i] : 0.0f;
+    glm::vec3 light = lights_.OnTheWay(origin, direction, begin, kInfinity, path.density[i]);
+    light += of_eye ? lights_.Discs(direction, 0) : lights_.Behind(direction, path.density[i]);
+    const bool shines = light != glm::vec3(0);
+    const bool uncovered = s.path_code[i] == kPrimaryPath;
+    if (of_eye && !shines && !(uncovered && view_.backdrop)) light += view_.background;
+    if (uncovered && (shines || !view_.backdrop)) work.film.Cover(s.pixel[i]);
+    AddTo(path, lane, s.weight[lane] * light);
+  });
+  EndPaths(work, lanes);
+}
+
+/// Adds the radiance of paths to their pixels.
+void PathTracer::EndPaths(PacketWork& work, uint64_t lanes) const {
+  ForEachLane(lanes, [&](uint32_t i) {
+    work.film.Add(work.samples.pixel[i], work.path->radiance[static_cast<int>(i)]);
+  });
+}
+
+void PathTracer::Shade(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
+  uint64_t passing = 0, ended = 0;
+  ForEachProperties(work, lanes, [&](const SurfaceProperties& properties, uint64_t same) {
+    ForEachLane(same, [&](uint32_t i) {
+      const Outcome outcome = Meet(work, i, properties);
+      if (outcome == Outcome::kPasses) passing |= uint64_t{1} << i;
+      if (outcome == Outcome::kEnds) ended |= uint64_t{1} << i;
+    });
+  });
+  ForEachLane(passing, [&](uint32_t i) {
+    if (TextureLookups* lookups = work.lookups)  // back to the width at the ray's origin
+      if (work.looked_up() >> i & 1) lookups->cone_width[i] -= lookups->cone_spread[i] * work.rays.hit_t[i];
+    work.rays.GoOnAfterHit(i, s.t_end[i]);
+    ++s.path_code[i];
+  });
+  EndPaths(work, ended);
+  s.Move(passing, SamplePacket::kShade, SamplePacket::kTraverse);
+  s.Move(ended, SamplePacket::kShade, SamplePacket::kNext);
+  const uint64_t scattered = lanes & ~passing & ~ended, lit = scattered & ~DarkLanes(s.light);
+  work.batch.Began(std::popcount(lit));
+  s.Move(lit, SamplePacket::kShade, SamplePacket::kShadow);
+  GoOn(work, scattered & ~lit, SamplePacket::kShade);
+}
+
+/// Adds the light on the ray's way and of the surface, and scatters the path.
+PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& m) const {
+  SamplePacket& s = work.samples;
+  PathPacket& path = *work.path;
+  const auto i = static_cast<int>(lane);
+  const Surface surface = s.surface[i];
+  const float cosine = std::fabs(glm::dot(surface.normal, surface.view));
+  const bool is_cap = (s.capped >> lane & 1) != 0;
+  const Passing passing = is_cap ? Passing{} : PassingOf(m, cosine, HasOpacityMap(work, surface.material));
+  float share = passing.hole + passing.pane > 0 || passing.glass > 0 ? ShareOf(work, lane) : 1.0f;
+  if (share < passing.hole + passing.pane) {
+    if (share >= passing.hole) s.weight.Set(i, s.weight[i] * passing.tint);
+    return Outcome::kPasses;
+  }
+  const float hit_t = work.rays.hit_t[lane];
+  const float begin = s.depth[lane] == 0 ? -s.t_offset[lane] : 0.0f;
+  glm::vec3 weight = s.weight[i];
+  AddTo(path, i,
+        weight * lights_.OnTheWay(work.rays.RayOf(lane).origin, work.rays.DirectionOf(lane), begin, hit_t,
+                                  path.density[lane]));
+  if (m.unlit) {
+    if (path.density[lane] == 0) AddTo(path, i, weight * m.emission * surface.color);
+    return Outcome::kEnds;
+  }
+  if (m.emission != glm::vec3(0)) {
+    const float flat = std::fabs(glm::dot(surface.geometric_normal, surface.view));
+    const float asked = lights_.EmitterDensity(work.rays.triangle[lane], hit_t, flat);
+    AddTo(path, i, weight * m.emission * lights_.MetShare(path.density[lane], asked));
+  }
+  if (s.depth[lane] > view_.bounces) return Outcome::kEnds;
+  s.light.Set(i, glm::vec3(0));
+  path.next_width[lane] = 0;
+  share -= passing.hole + passing.pane;
+  if (share >= passing.glass) {
+    ScatterAt(work, lane, m);
+    return Outcome::kScatters;
+  }
+  if (m.ior > 1 && m.transmission_depth > 0 && !surface.entering)
+    weight *= PowerOf(m.transmission_color, hit_t / m.transmission_depth);
+  const GlassRay ray = m.ior > 1 ? ThroughGlass(m, surface, Numbers(work, lane, kChoice).x)
+                                 : GlassRay{MirrorDirection(surface), glm::vec3(1), false};
+  path.next_direction.Set(i, ray.direction);
+  path.next_weight.Set(i, weight * ray.weight);
+  path.next_density[lane] = 0;
+  return Outcome::kScatters;
+}
+
+/// Decides at an opaque vertex which light is asked and where the path goes on.
+void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& m) const {
+  SamplePacket& s = work.samples;
+  PathPacket& path = *work.path;
+  const auto i = static_cast<int>(lane);
+  const PathBsdf bsdf(m, s.surface[i]);
+  AskLight(work, lane, bsdf);
+  const PathBsdf::Sample next =
+      bsdf.SampleDirection(Numbers(work, lane, kDirection), Numbers(work, lane, kChoice).x);
+  path.next_direction.Set(i, next.direction);
+  path.next_weight.Set(i, s.weight[i] * next.weight);
+  path.next_density[lane] = next.density;
+  path.next_width[lane] = next.width;
+}
+
+/// Sets a light ray toward a light, and what it brings if nothing is in its way. The light of lanes without
+/// one is 0.
+void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const {
+  if (lights_.empty()) return;
+  SamplePacket& s = work.samples;
+  const auto i = static_cast<int>(lane);
+  const Surface surface = s.surface[i];
+  const PathLights::Sample sample =
+      lights_.Toward(surface.position, Numbers(work, lane, kLight), Numbers(work, lane, kLightPlace));
+  if (!(Largest(sample.light) > 0)) return;
+  const PathBsdf::Scattered scattered = bsdf.Toward(sample.direction);
+  glm::vec3 light = s.weight[i] * scattered.weight * sample.light;
+  if (sample.density > 0) light *= lights_.AskedShare(sample.density, scattered.density);
+  if (!(Largest(light) > 0)) return;
+  s.light.Set(i, light);
+  s.next_light[lane] = 1;  // the cut-outs' key tells light rays from the path's
+  const float end = sample.density > 0 ? sample.distance * kBeforeArea : sample.distance;
+  work.path->light_end[lane] = end;
+  Ray ray;
+  ray.origin = LeaveSurface(surface.position, surface.geometric_normal, sample.direction, work.view.offset);
+  ray.direction = sample.direction;
+  ray.t_max = end;
+  work.rays.Set(lane, ray);
+}
+
+/// The light rays of `lanes` have ended.
+void PathTracer::SendLightRays(PacketWork& work, uint64_t lanes) const {
+  GoOn(work, lanes, SamplePacket::kLight);
+}
+
+/// Sends the paths of `lanes` on from their vertices.
+void PathTracer::GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) const {
+  SamplePacket& s = work.samples;
+  PathPacket& path = *work.path;
+  uint64_t going = 0;
+  ForEachLane(lanes, [&](uint32_t lane) {
+    const auto i = static_cast<int>(lane);
+    glm::vec3 weight = path.next_weight[i];
+    if (s.depth[lane] >= view_.bounces && !can_find_light_) return;
+    if (s.depth[lane] >= kSafeBounces) {
+      const float chance = std::min(Largest(weight), 1.0f);
+      if (!(Numbers(work, lane, kChoice).y < chance)) return;
+      weight /= chance;
+    }
+    if (!(Largest(weight) > 0)) return;
+    const glm::vec3 direction = path.next_direction[i];
+    Ray ray;
+    ray.origin =
+        LeaveSurface(s.surface.position[i], s.surface.geometric_normal[i], direction, work.view.offset);
+    ray.direction = direction;
+    if (TextureLookups* lookups = work.lookups) lookups->cone_spread[lane] += path.next_width[lane];
+    work.rays.Set(lane, ray);
+    s.weight.Set(i, weight);
+    s.t_end[lane] = kInfinity;
+    path.density[lane] = path.next_density[lane];
+    ++s.depth[lane];
+    ++s.path_code[lane];
+    going |= uint64_t{1} << lane;
+  });
+  work.batch.Began(std::popcount(going));
+  EndPaths(work, lanes & ~going);
+  s.Move(going, from, SamplePacket::kTraverse);
+  s.Move(lanes & ~going, from, SamplePacket::kNext);
+}
+
+float PathTracer::End(const PacketWork& work, uint32_t lane) const { return work.path->light_end[lane]; }
+
+void PathTracer::Arrived(PacketWork& work, uint64_t lanes) const {
+  ForEachLane(lanes, [&](uint32_t lane) {
+    const auto i = static_cast<int>(lane);
+    AddTo(*work.path, i, work.samples.light[i]);
+  });
+}
+
+/// Light rays pass what paths pass: holes, and panes without textures. Other glass stops them; paths find the
+/// light behind it.
+bool PathTracer::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const {
+  SamplePacket& s = work.samples;
+  RayPacket& rays = work.rays;
+  const auto i = static_cast<int>(lane);
+  const Hit hit = rays.HitOf(lane);
+  const uint32_t number = voxel.materials[hit.local];
+  const Material& material = work.view.catalog.materials[number];
+  const Surface met = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1),
+                                voxel.vertex(hit.local, 2), hit.b1, hit.b2, rays.DirectionOf(lane));
+  const glm::vec3 passes =
+      PassingOf(material, std::fabs(glm::dot(met.normal, met.view)), HasOpacityMap(work, number)).Light();
+  s.light.Set(i, s.light[i] * passes);
+  if (!(Largest(s.light[i]) > 0)) return false;
+  rays.GoOnAfterHit(lane, End(work, lane));
+  return true;
+}
+
+}  // namespace quarry

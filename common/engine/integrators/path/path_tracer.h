@@ -1,0 +1,49 @@
+#pragma once
+
+#include "common/engine/integrators/light_rays.h"
+#include "common/engine/integrators/path/path_lights.h"
+#include "common/scene/surface_properties.h"
+#include "common/scene/view.h"
+#include "common/voxel/catalog.h"
+
+namespace quarry {
+
+class PathBsdf;
+
+/// Mode `path`: light that bounces. A path never splits: it has one ray, or one light ray, under way. Each
+/// vertex samples one light and one direction, which are weighed by the power heuristic. From the third
+/// bounce on paths end by chance. The ray behind the last bounce finds lights only. Source: Kajiya 1986;
+/// Veach 1997, chapter 9 (multiple importance sampling); Purcell et al. 2002, section 4, the path tracer.
+class PathTracer final : public LightRays {
+ public:
+  /// `view` is normalized and outlives this, as does `scene`.
+  PathTracer(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth);
+
+  Needs needs() const override;
+  void Begin(PacketWork& work, uint64_t lanes) const override;
+  void Missed(PacketWork& work, uint64_t lanes) const override;
+  void Shade(PacketWork& work, uint64_t lanes) const override;
+  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+
+ protected:
+  bool tints() const override { return true; }
+  bool LooksAtSeeThrough(const PacketWork& /*work*/) const override { return true; }
+  float End(const PacketWork& work, uint32_t lane) const override;
+  void Arrived(PacketWork& work, uint64_t lanes) const override;
+  bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const override;
+
+ private:
+  /// What becomes of a hit: the ray passes it, its path ends there, or it is a vertex.
+  enum class Outcome { kPasses, kEnds, kScatters };
+  Outcome Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
+  void ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
+  void AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const;
+  void GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) const;
+  void EndPaths(PacketWork& work, uint64_t lanes) const;
+
+  const View& view_;
+  const PathLights lights_;
+  bool can_find_light_ = false;  ///< whether the ray behind the last bounce may find a light
+};
+
+}  // namespace quarry

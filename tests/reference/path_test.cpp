@@ -1,0 +1,472 @@
+// Mode `path` against what is known without it: no light is lost or gained, samplers follow their densities,
+// lights have closed forms, and the ways to find a light agree.
+#include <array>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <numbers>
+#include <numeric>
+
+#include "common/engine/integrators/path/path_bsdf.h"
+#include "common/engine/integrators/path/path_tracer.h"
+#include "common/engine/renderer.h"
+#include "common/scene/material_json.h"
+#include "tests/reference/scene_fixture.h"
+
+namespace quarry::test {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr float kRoughnesses[] = {0.0f, 0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f, 0.85f, 1.0f};
+constexpr float kCosines[] = {0.98f, 0.7f, 0.4f, 0.15f};
+
+/// A mean with the standard error of the mean.
+struct Mean {
+  double sum = 0, squares = 0;
+  uint64_t count = 0;
+  void Add(double x) {
+    sum += x;
+    squares += x * x;
+    ++count;
+  }
+  double value() const { return sum / static_cast<double>(count); }
+  double sigma() const {
+    const auto n = static_cast<double>(count);
+    return std::sqrt(std::max(squares / n - value() * value(), 0.0) / n);
+  }
+};
+
+Surface SurfaceSeenAt(float cosine) {
+  Surface s;
+  s.geometric_normal = s.normal = {0, 0, 1};
+  s.view = {std::sqrt(1 - cosine * cosine), 0, cosine};
+  return s;
+}
+
+Material White(float roughness, float metalness, float weight) {
+  Material m;
+  m.base_color = glm::vec3(1);
+  m.specular_roughness = roughness;
+  m.base_metalness = metalness;
+  m.specular_weight = weight;
+  return m;
+}
+
+/// The share of light that a material sends back to a viewer, under light from everywhere.
+Mean SentBack(const Material& material, float cosine, uint32_t samples) {
+  const PathBsdf bsdf(SurfaceProperties(material), SurfaceSeenAt(cosine));
+  std::mt19937 random(5);
+  Mean mean;
+  for (uint32_t i = 0; i < samples; ++i) {
+    const glm::vec2 u(Uniform(random, 0, 1), Uniform(random, 0, 1));
+    const PathBsdf::Sample sample = bsdf.SampleDirection(u, Uniform(random, 0, 1));
+    mean.Add(static_cast<double>(sample.weight.x));
+  }
+  return mean;
+}
+
+/// Pearson's statistic over its degrees of freedom, in standard deviations above the mean: of directions
+/// drawn by `draw`, against the integral of `density` over cells of equal solid angle. Cells that expect few
+/// are one.
+template <class Draw, class Density>
+double ChiSquareExcess(Draw&& draw, Density&& density, uint32_t samples) {
+  constexpr int kRows = 16, kColumns = 24, kFine = 40;
+  std::vector<double> expected(kRows * kColumns), met(kRows * kColumns);
+  double lost = 1;
+  for (int row = 0; row < kRows; ++row)
+    for (int column = 0; column < kColumns; ++column) {
+      double& cell = expected[static_cast<size_t>(row * kColumns + column)];
+      for (int y = 0; y < kFine; ++y)
+        for (int x = 0; x < kFine; ++x) {
+          const double z = -1 + 2 * (row + (y + 0.5) / kFine) / kRows;
+          const double turn = 2 * kPi * (column + (x + 0.5) / kFine) / kColumns, side = std::sqrt(1 - z * z);
+          cell += static_cast<double>(density(glm::vec3(side * std::cos(turn), side * std::sin(turn), z)));
+        }
+      cell *= 4 * kPi / (kRows * kColumns * kFine * kFine);
+      lost -= cell;
+    }
+  uint32_t ended = 0;
+  for (uint32_t i = 0; i < samples; ++i) {
+    const std::optional<glm::vec3> direction = draw();
+    if (!direction) {
+      ++ended;
+      continue;
+    }
+    const double turn = std::atan2(direction->y, direction->x) / (2 * kPi);
+    const int row = std::clamp(static_cast<int>((direction->z + 1) / 2 * kRows), 0, kRows - 1);
+    const int column = std::clamp(static_cast<int>((turn < 0 ? turn + 1 : turn) * kColumns), 0, kColumns - 1);
+    ++met[static_cast<size_t>(row * kColumns + column)];
+  }
+  double statistic = 0, few_expected = lost * samples, few_met = ended, degrees = -1;
+  const auto add = [&](double expects, double has) {
+    statistic += (has - expects) * (has - expects) / expects;
+    ++degrees;
+  };
+  for (size_t i = 0; i < met.size(); ++i) {
+    if (expected[i] * samples < 20) {
+      few_expected += expected[i] * samples;
+      few_met += met[i];
+    } else {
+      add(expected[i] * samples, met[i]);
+    }
+  }
+  if (few_expected > 20) add(few_expected, few_met);
+  return (statistic - degrees) / std::sqrt(2 * degrees);
+}
+
+/// A model of quadrilaterals, each with its material.
+class Quads {
+ public:
+  void Add(const glm::vec3& corner, const glm::vec3& a, const glm::vec3& b, uint32_t material) {
+    quads_.push_back({{corner, corner + a, corner + a + b, corner + b}, material});
+  }
+  /// A box seen from inside.
+  void AddRoom(const glm::vec3& lower, const glm::vec3& upper, uint32_t material) {
+    const glm::vec3 d = upper - lower, x(d.x, 0, 0), y(0, d.y, 0), z(0, 0, d.z);
+    Add(lower, x, y, material), Add(lower, y, z, material), Add(lower, z, x, material);
+    Add(upper, -y, -x, material), Add(upper, -z, -y, material), Add(upper, -x, -z, material);
+  }
+  Scene Made(const TemporaryFolder& folder, const std::vector<Material>& materials) const {
+    std::ofstream out(folder.file("m.ply"));
+    out.precision(9);
+    out << "ply\nformat ascii 1.0\nelement vertex " << 4 * quads_.size()
+        << "\nproperty float x\nproperty float y\nproperty float z\nelement face " << quads_.size()
+        << "\nproperty list uchar int vertex_indices\nproperty int material_index\nend_header\n";
+    for (const Quad& quad : quads_)
+      for (const glm::vec3& p : quad.corners) out << p.x << ' ' << p.y << ' ' << p.z << '\n';
+    for (size_t i = 0; i < quads_.size(); ++i)
+      out << "4 " << 4 * i << ' ' << 4 * i + 1 << ' ' << 4 * i + 2 << ' ' << 4 * i + 3 << ' '
+          << quads_[i].material << '\n';
+    out.close();
+    std::ofstream library(folder.file("m.materials.json"));
+    WriteMaterialJson({materials, {}, {}, {}}, library);
+    library.close();
+    MakeStore({.models = {folder.file("m.ply")}, .output = folder.file("s"), .up_axis = 2});
+    auto scene = Scene::Open(folder.file("s"));
+    REQUIRE(scene.has_value());
+    return *std::move(scene);
+  }
+
+ private:
+  struct Quad {
+    std::array<glm::vec3, 4> corners;
+    uint32_t material;
+  };
+  std::vector<Quad> quads_;
+};
+
+View LookingAt(const glm::dvec3& eye, const glm::dvec3& at, uint32_t side, uint32_t spp) {
+  View view;
+  view.width = view.height = side;
+  view.mode = RenderMode::kPath;
+  view.spp = spp;
+  view.camera.eye = eye;
+  view.camera.at = at;
+  view.camera.up = {0.1, 1, 0.2};
+  view.camera.fov_degrees = 40;
+  return view;
+}
+
+/// The red radiance of each pixel.
+std::vector<double> Picture(const Scene& scene, View view, LightWays ways = LightWays::kBoth) {
+  REQUIRE(NormalizeView(view).has_value());
+  const auto renderer = Renderer::Create(scene, {.cache_bytes = 64 << 20, .threads = 2});
+  REQUIRE(renderer.has_value());
+  const std::vector<Tile> tiles = TilesOf(view.crop);
+  std::vector<double> picture(size_t{view.width} * view.height);
+  const auto put = [&](size_t i, const RenderedTile& result, Renderer::Progress) {
+    ByteReader in(result.pixels);
+    for (uint32_t y = 0; y < tiles[i].rows(); ++y)
+      for (uint32_t x = 0; x < tiles[i].columns(); ++x) {
+        picture[size_t{tiles[i].Y(y)} * view.width + tiles[i].X(x)] = static_cast<double>(in.Get<float>());
+        for (int rest = 0; rest < 3; ++rest) in.Get<float>();
+      }
+  };
+  const auto integrator = std::make_shared<const PathTracer>(view, scene.catalog(), ways);
+  const Status status = (*renderer)->Render(view, tiles, put, {}, integrator);
+  REQUIRE(status.has_value());
+  return picture;
+}
+
+double MeanOf(const std::vector<double>& picture) {
+  return std::accumulate(picture.begin(), picture.end(), 0.0) / static_cast<double>(picture.size());
+}
+
+/// Means and standard errors of blocks of `picture`s with different seeds.
+struct Blocks {
+  static constexpr uint32_t kSide = 8;
+  std::vector<Mean> means;
+};
+Blocks BlocksOf(const Scene& scene, View view, LightWays ways, uint32_t seeds) {
+  Blocks blocks;
+  const uint32_t across = view.width / Blocks::kSide;
+  blocks.means.resize(size_t{across} * across);
+  for (uint32_t seed = 0; seed < seeds; ++seed) {
+    view.seed = seed + 1;
+    const std::vector<double> picture = Picture(scene, view, ways);
+    std::vector<double> sums(blocks.means.size());
+    for (uint32_t y = 0; y < view.height; ++y)
+      for (uint32_t x = 0; x < view.width; ++x)
+        sums[y / Blocks::kSide * across + x / Blocks::kSide] += picture[size_t{y} * view.width + x];
+    for (size_t i = 0; i < sums.size(); ++i) blocks.means[i].Add(sums[i] / (Blocks::kSide * Blocks::kSide));
+  }
+  return blocks;
+}
+
+/// Checks that two ways see the same light: blocks within six standard errors, and nearly all within four.
+void CheckAgreement(const Blocks& a, const Blocks& b) {
+  int beyond = 0;
+  double difference = 0, variance = 0;
+  for (size_t i = 0; i < a.means.size(); ++i) {
+    const double sigma = std::hypot(a.means[i].sigma(), b.means[i].sigma()) + 1e-7;
+    const double off = a.means[i].value() - b.means[i].value();
+    INFO("block " << i << ": " << a.means[i].value() << " and " << b.means[i].value() << ", sigma " << sigma);
+    CHECK(std::fabs(off) < 6 * sigma);
+    beyond += std::fabs(off) > 4 * sigma;
+    difference += off;
+    variance += sigma * sigma;
+  }
+  CHECK(beyond <= static_cast<int>(a.means.size() / 64));
+  INFO("means differ by " << difference / static_cast<double>(a.means.size()));
+  CHECK(std::fabs(difference) < 4 * std::sqrt(variance));
+}
+
+}  // namespace
+
+TEST_CASE("White metal and plastic send back all light, and no more", "[reference][path]") {
+  constexpr uint32_t kSamples = 60000;
+  for (const float roughness : kRoughnesses)
+    for (const float cosine : kCosines) {
+      INFO("roughness " << roughness << ", cosine " << cosine);
+      const Mean metal = SentBack(White(roughness, 1, 0), cosine, kSamples);
+      CHECK(metal.value() > 0.99 - 4 * metal.sigma());
+      CHECK(metal.value() < 1 + 4 * metal.sigma() + 1e-4);
+      const Mean plastic = SentBack(White(roughness, 0, 1), cosine, kSamples);
+      CHECK(plastic.value() > 0.98 - 4 * plastic.sigma());
+      CHECK(plastic.value() < 1 + 4 * plastic.sigma() + 1e-4);
+      const Mean matt = SentBack(White(roughness, 0, 0), cosine, 1000);
+      CHECK(matt.value() == Approx(1).epsilon(1e-4));
+    }
+}
+
+TEST_CASE("Glass sends on all light: it mirrors a share and refracts the rest", "[reference][path]") {
+  Material glass;
+  glass.transmission_weight = 1;
+  glass.ior = glass.specular_ior = 1.5f;
+  for (const bool entering : {true, false})
+    for (const float cosine : kCosines) {
+      Surface s = SurfaceSeenAt(cosine);
+      s.entering = entering;
+      if (!entering) s.geometric_normal = -s.geometric_normal;
+      int mirrored = 0;
+      constexpr int kChoices = 4096;
+      for (int i = 0; i < kChoices; ++i) {
+        const GlassRay ray =
+            ThroughGlass(SurfaceProperties(glass), s, (static_cast<float>(i) + 0.5f) / kChoices);
+        CHECK(ray.weight == glm::vec3(1));
+        CHECK(std::fabs(glm::length(ray.direction) - 1) < 1e-5f);
+        mirrored += !ray.transmitted;
+        const double sine_in = std::sqrt(1 - static_cast<double>(cosine) * cosine);
+        const double sine_out = std::hypot(ray.direction.x, ray.direction.y);
+        if (ray.transmitted) CHECK(sine_in == Approx(sine_out * (entering ? 1.5 : 1 / 1.5)).margin(1e-5));
+        CHECK((ray.direction.z > 0) == !ray.transmitted);
+      }
+      // Fresnel's equations in their usual form.
+      const double in = static_cast<double>(cosine), index = entering ? 1.5 : 1 / 1.5;
+      const double sine2 = (1 - in * in) / (index * index);
+      double share = 1;
+      if (sine2 < 1) {
+        const double out = std::sqrt(1 - sine2);
+        const double s_wave = (in - index * out) / (in + index * out),
+                     p_wave = (index * in - out) / (index * in + out);
+        share = (s_wave * s_wave + p_wave * p_wave) / 2;
+      }
+      CHECK(static_cast<double>(mirrored) / kChoices == Approx(share).margin(1e-3));
+    }
+}
+
+TEST_CASE("Directions of paths and lights follow their densities", "[reference][path]") {
+  constexpr uint32_t kSamples = 200000;
+  std::mt19937 random(11);
+  const auto number = [&] { return Uniform(random, 0, 1); };
+  for (const float roughness : {0.2f, 0.5f, 1.0f})
+    for (const float metalness : {0.0f, 1.0f})
+      for (const float cosine : {0.9f, 0.3f}) {
+        INFO("roughness " << roughness << ", metalness " << metalness << ", cosine " << cosine);
+        Material m = White(roughness, metalness, 1);
+        m.base_color = glm::vec3(0.5f);
+        const PathBsdf bsdf(SurfaceProperties(m), SurfaceSeenAt(cosine));
+        const auto draw = [&]() -> std::optional<glm::vec3> {
+          const glm::vec2 u(number(), number());
+          const PathBsdf::Sample sample = bsdf.SampleDirection(u, number());
+          if (!(sample.density > 0)) return std::nullopt;
+          return sample.direction;
+        };
+        CHECK(ChiSquareExcess(
+                  draw, [&](const glm::vec3& d) { return bsdf.Toward(d).density; }, kSamples) < 5);
+      }
+  for (const float turbidity : {0.0f, 3.0f}) {
+    const SkyLight sky({glm::vec3(1), turbidity}, glm::normalize(glm::vec3(1, 0, 1)), {0, 0, 1});
+    const auto draw = [&]() -> std::optional<glm::vec3> { return sky.Direction({number(), number()}); };
+    CHECK(ChiSquareExcess(
+              draw, [&](const glm::vec3& d) { return sky.Density(d); }, kSamples) < 5);
+  }
+  View view;
+  Light sun;
+  sun.vector = glm::normalize(glm::vec3(0.3f, 0.2f, 1));
+  sun.angle = 60;
+  view.lights = {sun};
+  Catalog scene;
+  scene.meta.bounds_upper = glm::vec3(1);
+  const PathLights lights(view, scene);
+  const double solid = 2 * kPi * (1 - std::cos(kPi / 6));
+  const auto draw = [&]() -> std::optional<glm::vec3> {
+    return lights.Toward(glm::vec3(0), {number(), number()}, {number(), number()}).direction;
+  };
+  const auto within = [&](const glm::vec3& d) {
+    return glm::dot(d, sun.vector) > std::cos(static_cast<float>(kPi) / 6) ? 1 / solid : 0.0;
+  };
+  CHECK(ChiSquareExcess(draw, within, 20000) < 40);  // cells at the edge are counted coarsely
+}
+
+TEST_CASE("A closed room that shines has the sum of all its bounces", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.AddRoom({0, 0, 0}, {4, 3, 2}, 0);
+  Material wall;
+  wall.diffuse = wall.base_color = glm::vec3(0.5f);
+  wall.emission = glm::vec3(0.5f);
+  const Scene scene = quads.Made(folder, {wall});
+  View view = LookingAt({1, 1, 1}, {3, 2, 0.5}, 32, 64);
+  view.bounces = 64;
+  CHECK(MeanOf(Picture(scene, view)) == Approx(1).epsilon(1e-3));
+  for (const uint32_t bounces : {0u, 1u, 2u}) {
+    // The eye sees walls that shine, and the last ray sees them too. Walls are lights that vertices ask for,
+    // so that there is noise.
+    view.bounces = bounces;
+    double sum = 0;
+    for (uint32_t i = 0; i <= bounces + 1; ++i) sum += 0.5 * std::pow(0.5, i);
+    CHECK(MeanOf(Picture(scene, view)) == Approx(sum).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("Suns, rectangles and skies light a matt plate as their closed forms say", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-50, -50, 0}, {100, 0, 0}, {0, 100, 0}, 0);
+  Material plate;
+  plate.diffuse = plate.base_color = glm::vec3(0.6f);
+  const Scene scene = quads.Made(folder, {plate});
+  View view = LookingAt({0, -0.2, 3}, {0, 0, 0}, 16, 256);
+  view.camera.fov_degrees = 0.5;
+  SECTION("a sun, with a disc and without") {
+    for (const float angle : {0.0f, 0.53f, 20.0f}) {
+      Light sun;
+      sun.vector = {0.6f, 0, 0.8f};
+      sun.radiance = glm::vec3(2);
+      sun.angle = angle;
+      view.lights = {sun};
+      // The cosine over a disc of a half angle a: (1 + cos a) / 2 of that at its middle.
+      const double mean = (1 + std::cos(static_cast<double>(angle) * kPi / 360)) / 2;
+      CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 0.8 * 2 * mean).epsilon(2e-3));
+    }
+  }
+  SECTION("a rectangle above a corner") {
+    Light lamp;
+    lamp.kind = LightKind::kRectangle;
+    lamp.vector = {1, 0.75f, 2};
+    lamp.edges[0] = {0, 1.5f, 0};
+    lamp.edges[1] = {2, 0, 0};
+    lamp.radiance = glm::vec3(3);
+    view.lights = {lamp};
+    // The form factor of a rectangle over one of its corners, which lies above the point.
+    const double a = 2 / 2.0, b = 1.5 / 2.0;
+    const double form = (a / std::sqrt(1 + a * a) * std::atan(b / std::sqrt(1 + a * a)) +
+                         b / std::sqrt(1 + b * b) * std::atan(a / std::sqrt(1 + b * b))) /
+                        (2 * kPi);
+    CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 3 * form).epsilon(5e-3));
+    view.lights[0].edges[0] = -lamp.edges[0];  // its back
+    CHECK(MeanOf(Picture(scene, view)) == 0);
+  }
+  SECTION("a sky of one radiance") {
+    view.sky.radiance = glm::vec3(1.5f);
+    CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 1.5).epsilon(2e-3));
+  }
+}
+
+TEST_CASE("Lights that vertices ask for and lights that paths meet give one picture", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0);
+  quads.Add({-1, -1, 0.5f}, {1.2f, 0, 0.8f}, {0, 1.5f, 0}, 1);  // metal
+  quads.Add({0.6f, -1, 0.01f}, {0, 2, 0}, {0, 0, 1.2f}, 2);     // a pane
+  quads.Add({-2, 0.5f, 0.8f}, {1.5f, 0, 0}, {0, 1, 0}, 3);      // a leaf, half of it there
+  std::vector<Material> materials(4);
+  materials[0] = White(0.3f, 0, 1);
+  materials[0].base_color = {0.7f, 0.6f, 0.5f};
+  materials[1] = White(0.35f, 1, 0);
+  materials[1].base_color = {0.9f, 0.7f, 0.4f};
+  materials[2] = White(0, 0, 1);
+  materials[2].transmission_weight = 1;
+  materials[2].transmission_color = {0.7f, 0.9f, 0.8f};
+  materials[2].transmittance = glm::vec3(0.8f);
+  materials[3] = White(1, 0, 0);
+  materials[3].geometry_opacity = 0.5f;
+  materials[3].transmittance = glm::vec3(0.5f);
+  const Scene scene = quads.Made(folder, materials);
+  View view = LookingAt({0.3, -3.5, 3}, {0, 0, 0.3}, 64, 32);
+  view.bounces = 3;
+  const auto check = [&](const char* which) {
+    INFO(which);
+    constexpr uint32_t kSeeds = 12;
+    const Blocks both = BlocksOf(scene, view, LightWays::kBoth, kSeeds);
+    CheckAgreement(both, BlocksOf(scene, view, LightWays::kAsked, kSeeds));
+    CheckAgreement(both, BlocksOf(scene, view, LightWays::kMet, kSeeds));
+  };
+  Light lamp;
+  lamp.kind = LightKind::kRectangle;
+  lamp.vector = {1.8f, 0.3f, 1.5f};
+  lamp.edges[0] = {0, 0, 1.5f};
+  lamp.edges[1] = {0, 1.5f, 0};
+  lamp.radiance = glm::vec3(4);
+  view.lights = {lamp};
+  check("a rectangle");
+  Light sun;
+  sun.vector = {0.5f, 0.2f, 0.8f};
+  sun.angle = 20;
+  view.lights = {sun};
+  check("a sun of 20 degrees");
+  view.lights.clear();
+  view.sky.radiance = glm::vec3(0.8f);
+  check("a sky");
+}
+
+TEST_CASE("Triangles that shine are asked for and met alike", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0);
+  quads.Add({-1, -1, 0.5f}, {1.2f, 0, 0.8f}, {0, 1.5f, 0}, 1);  // metal
+  quads.Add({1.5f, -0.5f, 0.8f}, {0, 0, 1}, {0, 1, 0}, 2);      // a lamp that shines to both sides
+  quads.Add({-2, 1, 1.2f}, {0.8f, 0, 0.3f}, {0, 0.4f, 0}, 3);   // a weaker one
+  std::vector<Material> materials(4);
+  materials[0] = White(0.3f, 0, 1);
+  materials[0].base_color = {0.7f, 0.6f, 0.5f};
+  materials[1] = White(0.35f, 1, 0);
+  materials[2].emission = glm::vec3(5);
+  materials[3].emission = {3, 2, 1};
+  const Scene scene = quads.Made(folder, materials);
+  CHECK(scene.catalog().emitters.size() == 4);
+  View view = LookingAt({0.3, -3.5, 3}, {0, 0, 0.3}, 64, 32);
+  view.bounces = 3;
+  const auto check = [&](const char* which) {
+    INFO(which);
+    constexpr uint32_t kSeeds = 12;
+    const Blocks both = BlocksOf(scene, view, LightWays::kBoth, kSeeds);
+    CheckAgreement(both, BlocksOf(scene, view, LightWays::kAsked, kSeeds));
+    CheckAgreement(both, BlocksOf(scene, view, LightWays::kMet, kSeeds));
+  };
+  check("whole");
+  view.section.planes = {{{0, 0, 1.3}, {0, 0, 1}}};
+  check("cut through the lamp");
+}
+
+}  // namespace quarry::test

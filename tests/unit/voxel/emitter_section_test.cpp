@@ -1,0 +1,89 @@
+#include "common/voxel/emitters/emitter_section.h"
+
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <string>
+
+#include "common/voxel/store_reader.h"
+#include "common/voxel/store_writer.h"
+#include "tests/fuzz/store_mend.h"
+#include "tests/support/stores/changed_store.h"
+#include "tests/support/stores/small_store.h"
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+using test::Changed;
+
+/// Writes a store of two triangles, which shine, with the materials paint and lamp.
+void WriteShining(const std::string& path, const std::vector<Emitter>& emitters) {
+  auto writer = StoreWriter::Create(path);
+  REQUIRE(writer);
+  REQUIRE(writer->AddVoxel(EncodeVoxel(test::TwoTriangles(), nullptr)));
+  SceneMeta meta;
+  meta.bounds_upper = meta.root_upper = glm::vec3(1);
+  meta.input_triangles = 9;
+  Material lamp{"lamp"};
+  lamp.emission = {3, 2, 1};
+  writer->SetEmitters(emitters);
+  REQUIRE(writer->Finish(meta, {KdNode::Leaf(0, 1)}, {Material{"paint"}, lamp}, test::RootParts({"a", "b"})));
+}
+
+Emitter Shining(uint32_t triangle) { return {triangle, 1, 1, {{0, 0, 0.5f}, {1, 0, 0.5f}, {0, 0.25f, 1}}}; }
+
+}  // namespace
+
+TEST_CASE("A store returns its emitters with the catalog", "[path]") {
+  const test::TemporaryFolder folder;
+  const std::vector<Emitter> emitters{Shining(2), Shining(3), Shining(8)};
+  WriteShining(folder.file("s"), emitters);
+  CHECK(test::FaultOf(folder.file("s")).empty());
+  const auto store = StoreReader::Open(folder.file("s"));
+  REQUIRE(store);
+  CHECK(store->catalog().emitters == emitters);
+  // As a worker gets it.
+  const auto sent = UnpackSections(PackSections(store->catalog_sections()));
+  REQUIRE(sent);
+  CHECK(DecodeCatalog(store->catalog().id, *sent)->emitters == emitters);
+  WriteShining(folder.file("none"), {});
+  CHECK(StoreReader::Open(folder.file("none"))->catalog().emitters.empty());
+}
+
+TEST_CASE("Damaged emitters are refused", "[path]") {
+  const test::TemporaryFolder folder;
+  WriteShining(folder.file("s"), {Shining(2), Shining(3), Shining(8)});
+  const auto fault = [&](uint64_t at, auto value) {
+    Changed store(folder.file("s"));
+    store.Put(store.Begin(SectionType::kEmitters) + at, value);
+    fuzz::MendStore(std::as_writable_bytes(std::span(store.bytes)));
+    const auto opened = store.Open();
+    return opened ? std::string() : opened.error().message;
+  };
+  CHECK(fault(0, 1u).empty());
+  for (const uint32_t triangle : {3u, 9u, ~0u})
+    CHECK_THAT(fault(0, triangle), Catch::Contains("out of order"));
+  for (const uint32_t material : {0u, 2u, ~0u})
+    CHECK_THAT(fault(8, material), Catch::Contains("material that does not shine"));
+  for (const float corner : {-0.1f, 1.5f, std::nanf(""), HUGE_VALF})
+    CHECK_THAT(fault(12, corner), Catch::Contains("outside of the scene"));
+  CHECK_THAT(fault(24, 0.0f), Catch::Contains("without area"));
+}
+
+TEST_CASE("A material shines wholly, or its triangles are in no table", "[path]") {
+  Material m;
+  CHECK_FALSE(Shines(m));
+  m.emission = {0, 0.1f, 0};
+  CHECK(Shines(m));
+  m.textures = {{TextureUse::kDiffuse}};
+  CHECK(Shines(m));
+  for (const TextureUse use : {TextureUse::kEmission, TextureUse::kOpacity}) {
+    m.textures = {{use}};
+    CHECK_FALSE(Shines(m));
+  }
+  m.textures = {};
+  m.unlit = true;
+  CHECK_FALSE(Shines(m));
+}
+
+}  // namespace quarry
