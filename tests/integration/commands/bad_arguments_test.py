@@ -40,7 +40,7 @@ class BadJson(Case):
     def test_lights(self):
         for text, sentence in (
                 ("{}", "'lights' is missing"), ('{"lights": {}}', "lights: must be a list"), ('{"lights": [7]}', r"lights\[0\]: must be an object"),
-                ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: must be a text"), ('{"lights": [{"type": "moon"}]}', "must be sun or point"),
+                ('{"lights": [{"type": 7}]}', r"lights\[0\]\.type: must be a text"), ('{"lights": [{"type": "moon"}]}', "must be sun, point or rectangle"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1]}]}', r"lights\[0\]: 'radiance' is missing"),
                 ('{"lights": [{"type": "sun", "direction": [0, 0, 1], "radiance": [1e39, 0, 0]}]}', r"lights\[0\]\.radiance: must be three numbers from 0 to 3.4e\+38"),
                 ('{"lights": [], "ambient": [1, 1, 1e999]}', r"ambient\[2\] is the number 1e999"),

@@ -185,7 +185,7 @@ class BadPlaces(Case):
         self.must("quarry-preprocess", model, "-o", store, "--quiet")
         png = self.path("x.png")
         for arguments in (["render", store], ["render", store, "-o", "x.gif"], ["render", store, "-o", png, "--size", "8"],
-                          ["render", store, "-o", png, "--mode", "path"], ["render", store, "-o", png, "--eye", "1,2"],
+                          ["render", store, "-o", png, "--mode", "photon"], ["render", store, "-o", png, "--eye", "1,2"],
                           ["render", store, "-o", png, "--spp", "0"], ["render", store, "-o", png, "--crop", "0,0,9999,9"],
                           ["render", store, "-o", png, "--aov", "depth"], ["render", store, "-o", png, "--frames", "1-2"],
                           ["render", store, "-o", png, "--cache", "12X"], ["render", self.store("city", 5000), "-o", png, "--cache", "1K"],
