@@ -27,8 +27,7 @@ class PartSelections {
   /// The scene's parts. Errors: they cannot be read.
   Result<std::shared_ptr<const PartTree>> Parts();
 
-  /// What the model states of a part beside its name, a JSON object; empty: nothing. Errors: it cannot be
-  /// read.
+  /// The attributes of a part, a JSON object; empty: it has none. Errors: they cannot be read.
   Result<std::string> AttributesOf(uint32_t part);
 
   /// Sets the view's selection: of its lists, with the closed parts if its section has caps. A view that

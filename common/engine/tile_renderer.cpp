@@ -19,8 +19,9 @@ namespace quarry {
 
 namespace {
 
-/// Packets with at most so many samples under way take new ones, where the integrator refills. Trades the
-/// occupancy of vectors against rays of the camera, which are made 64 together. A judgement.
+/// Packets with at most so many samples under way take new ones, where the integrator refills. Meant to trade
+/// the occupancy of vectors against rays of the camera, which are made 64 together; measured trials show
+/// neither gain nor loss.
 constexpr int kRefilledAt = 48;
 
 /// Sets the layers of a pixel by its sample 0.
@@ -89,7 +90,6 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
   Fit(paths_, needs.paths ? packets : 0);
-  std::ranges::fill(unfinished_, 0);
   pending_.Open(packets, needs.pending_rays, !lookups_.empty());
   for (uint32_t packet = 0; packet < packets; ++packet) {
     PacketWork work = WorkOn(packet, nullptr);

@@ -22,7 +22,7 @@ struct RandomKey {
   uint64_t seed = 0;
   uint32_t pixel = 0;      ///< y * width + x
   uint32_t sample = 0;     ///< index within the pixel
-  uint32_t path_code = 0;  ///< the ray's branches: kPrimaryPath, then 2 bits per bounce
+  uint32_t path_code = 0;  ///< the ray's branches: kPrimaryPath, then 2 bits per bounce; in mode path, plus 1
 };
 
 /// 32 random bits, a function of `key` and `dimension`. Thread-safe.

@@ -101,15 +101,22 @@ QUARRY_HOST_DEVICE inline glm::vec2 ConcentricDisk(const glm::vec2& u) {
   return {radius * (wide ? cosine : sine), radius * (wide ? sine : cosine)};
 }
 
+/// Two unit vectors that are at right angles to the unit vector `normal` and to each other.
+/// Source: Duff et al. 2017, listing 3.
+QUARRY_HOST_DEVICE inline void Tangents(const glm::vec3& normal, glm::vec3& tangent, glm::vec3& bitangent) {
+  const float sign = normal.z < 0 ? -1.0f : 1.0f;
+  const float a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
+  tangent = glm::vec3(1 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
+  bitangent = glm::vec3(b, sign + normal.y * normal.y * a, -normal.y);
+}
+
 /// A direction around the unit vector `normal`, with a density by the cosine to it. Requires: u in [0, 1)^2.
-/// Source: the projection of a disk (Malley); the basis: Duff et al. 2017, listing 3.
+/// Source: the projection of a disk (Malley).
 QUARRY_HOST_DEVICE inline glm::vec3 CosineDirection(const glm::vec3& normal, const glm::vec2& u) {
   const glm::vec2 disk = ConcentricDisk(u);
   const float rest = 1 - disk.x * disk.x - disk.y * disk.y, up = std::sqrt(rest > 0 ? rest : 0.0f);
-  const float sign = normal.z < 0 ? -1.0f : 1.0f;
-  const float a = -1 / (sign + normal.z), b = normal.x * normal.y * a;
-  const glm::vec3 tangent(1 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x);
-  const glm::vec3 bitangent(b, sign + normal.y * normal.y * a, -normal.y);
+  glm::vec3 tangent, bitangent;
+  Tangents(normal, tangent, bitangent);
   return tangent * disk.x + bitangent * disk.y + normal * up;
 }
 

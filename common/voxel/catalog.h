@@ -15,7 +15,7 @@
 #include "common/kdtree/node.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
-#include "common/voxel/emitter.h"
+#include "common/voxel/emitters/emitter.h"
 #include "common/voxel/texture_shape.h"
 #include "common/voxel/voxel_block.h"
 

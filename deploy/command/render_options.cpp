@@ -168,7 +168,7 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
   }
   if (!view.lights.empty() || !a.lights.empty() || a.has_view_file()) return {};
   const bool follows_light = view.mode == RenderMode::kPath;
-  // What shines in the scene is light enough.
+  // The scene's own emitters are its light.
   if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};
   view.lights = DefaultLights(scene);
   if (follows_light && !view.sky.shines()) view.sky = DefaultSky(scene);

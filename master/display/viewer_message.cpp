@@ -27,7 +27,10 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
   ViewDescription description = defaults;
   description.format.exposure.reset();
   QUARRY_ASSIGN(const auto lights, object.Optional("lights"));
-  if (lights) description.view.lights.clear();  // instead of the default ones
+  if (lights) {  // instead of the default ones, and of the sky that belongs to them
+    description.view.lights.clear();
+    description.view.sky = {};
+  }
   QUARRY_TRY(ReadView(object, offset, description));
   View& view = description.view;
   if (!lights) {

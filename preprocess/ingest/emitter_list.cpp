@@ -20,6 +20,7 @@ void EmitterList::Add(const TriangleRecord& triangle) {
   std::ranges::copy(triangle.vertices, ranked.emitter.corners);
   ranked.power = strength->second * AreaOf(ranked.emitter);
   if (!(ranked.power > 0)) return;
+  ranked_.reserve(2 * kMostEmitters);
   ranked_.push_back(ranked);
   if (ranked_.size() == 2 * kMostEmitters) KeepStrongest();
 }

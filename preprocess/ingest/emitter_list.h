@@ -6,13 +6,13 @@
 
 #include "common/base/bytes.h"
 #include "common/scene/material.h"
-#include "common/voxel/emitter.h"
+#include "common/voxel/emitters/emitter.h"
 #include "preprocess/spill/triangle_record.h"
 
 namespace quarry {
 
 /// Keeps the strongest triangles that shine, kMostEmitters, by area times radiance; of equal ones those with
-/// the lowest ids. Memory: at most 8 MiB, once a material shines. Thread safety: none.
+/// the lowest ids. Memory: 7 MiB, once a triangle shines, and 3 MiB more in Take(). Thread safety: none.
 class EmitterList {
  public:
   /// From here on triangles of the material shine, if Shines(); before its first triangle.

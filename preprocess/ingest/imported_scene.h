@@ -10,7 +10,7 @@
 #include "common/kdtree/ray.h"
 #include "common/scene/material.h"
 #include "common/scene/scene_views.h"
-#include "common/voxel/emitter.h"
+#include "common/voxel/emitters/emitter.h"
 #include "common/voxel/parts/part_sections.h"
 #include "preprocess/import/texture_image.h"
 #include "preprocess/partition/sample.h"

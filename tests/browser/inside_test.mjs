@@ -343,13 +343,13 @@ test('a long press opens the menu on a phone', async () => {
   await phone.context().close();
 });
 
-/** A glTF of two triangles side by side, whose nodes have names, and one `extras`. */
+/** A glTF of two triangles side by side, which shine. The nodes have names, and one has `extras`. */
 function tagged() {
   const data = Buffer.from(new Float32Array([0, 0, 0, 1, 0, 0, 0, 0, 1]).buffer);
   return JSON.stringify({
     asset: { version: '2.0' }, buffers: [{ uri: `data:application/octet-stream;base64,${data.toString('base64')}`, byteLength: data.length }],
     bufferViews: [{ buffer: 0, byteLength: data.length }], accessors: [{ bufferView: 0, componentType: 5126, count: 3, type: 'VEC3', min: [0, 0, 0], max: [1, 0, 1] }],
-    meshes: [{ primitives: [{ attributes: { POSITION: 0 } }] }], scenes: [{ nodes: [0, 1] }],
+    materials: [{ emissiveFactor: [0.5, 0.4, 0.3] }], meshes: [{ primitives: [{ attributes: { POSITION: 0 }, material: 0 }] }], scenes: [{ nodes: [0, 1] }],
     nodes: [{ name: 'plain', mesh: 0 }, { name: 'valve', mesh: 0, translation: [2, 0, 0], extras: { tag: 'V-101', 'mass <kg>': 2.5, checked: { by: 'B' } } }],
   });
 }
@@ -367,6 +367,13 @@ test('the card of a part shows what the model states of it', async () => {
     await other.waitForFunction(() => /V-101/.test(document.getElementById('pick').innerText));
     assert.match(await other.locator('#pick').innerText(), /checked\s*{"by":"B"}[^]*mass <kg>\s*2\.5[^]*tag\s*V-101/);
     await shoot(other, 'inside-attributes');
+    for (const change of [{ mode: 'path', spp: 2 }, { mode: 'path', spp: 2, lights: [{ type: 'point', position: [1, -2, 3], radiance: [9, 9, 9] }] }]) {
+      await other.evaluate(view => window.quarry.setView(view), change);
+      const { view, png } = await exactOf(other);
+      assert.ok(png.equals(own.render(view)), `the page shows the file of ${JSON.stringify(view)}`);
+      assert.equal(view.lights.length, change.lights ? 1 : 0);
+    }
+    await shoot(other, 'path-shining');
     await row('plain').click();
     await other.waitForFunction(() => /plain/.test(document.getElementById('pick-title').innerText));
     assert.doesNotMatch(await other.locator('#pick').innerText(), /V-101/);

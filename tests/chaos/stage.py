@@ -12,7 +12,7 @@ BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2
 TRIANGLES, VOXEL_SIZE, CACHE = 120000, "16K", "2M"
 FRAMES = range(0, 60, 6)  # of the walk's 60
 MODES = ("shadow", "whitted")
-# What a walk in mode whitted shows of the plant: parts are hidden and coloured, and a cut has caps.
+# The view of a walk in mode whitted: some parts are hidden, one is coloured, and a cut has caps.
 INSIDE = {"hide": ["roof", "*pipe 1*"], "colors": [{"parts": ["chimney*"], "color": [0.8, 0.1, 0.1]}],
           "section": {"planes": [{"point": [0, 0, 33], "normal": [0.2, -0.3, 1]}]}}
 

@@ -9,7 +9,7 @@
 namespace quarry {
 
 /// The integrator of the view's mode: the one place that has a branch for each. Requires: the view is
-/// normalized, and outlives the integrator, as the scene does.
+/// normalized, and outlives the integrator.
 std::shared_ptr<const Integrator> MakeIntegrator(const View& view, const Catalog& scene);
 
 }  // namespace quarry

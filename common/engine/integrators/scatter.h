@@ -5,6 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
+#include <numbers>
 
 #include "common/engine/surfaces/surface.h"
 #include "common/math/elementary.h"
@@ -38,7 +39,7 @@ inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {
 /// straight ahead, that falls off by the square of the cosine.
 inline Light HardLight(const Light& light) {
   if (light.kind != LightKind::kRectangle) return light;
-  constexpr float kPi = 3.14159265f;
+  constexpr float kPi = std::numbers::pi_v<float>;
   const glm::vec3 cross = glm::cross(light.edges[0], light.edges[1]);
   const float area = std::sqrt(glm::dot(cross, cross));
   Light spot;

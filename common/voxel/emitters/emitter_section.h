@@ -7,7 +7,7 @@
 #include "common/base/bytes.h"
 #include "common/base/status.h"
 #include "common/voxel/catalog.h"
-#include "common/voxel/emitter.h"
+#include "common/voxel/emitters/emitter.h"
 
 namespace quarry {
 

@@ -17,7 +17,7 @@ namespace quarry {
 inline constexpr size_t kMostAttributeBytes = 16384;
 inline constexpr int kMostAttributeLevels = 16;
 
-/// What a model states of a part beside its name and shape, for writing.
+/// Attributes of a part, as the model states them, for writing.
 struct StatedAttributes {
   uint32_t part = 0;
   std::string json;  ///< IsAttributes()

@@ -209,7 +209,11 @@ const tools = { home: goHome, frame: frameAll, fly: () => flight.toggle(), ortho
 for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListener('click', use);
 
 /// The whole view, as `quarry render --view` reads it.
-function wholeView() { return live.view ? { ...defaults, lights: live.lights(defaults.lights), ...toFile(live.view) } : null; }
+function wholeView() {
+  if (!live.view) return null;
+  const { sky, ...rest } = defaults;  // the default sky belongs to the default lights
+  return { ...rest, ...(sky && !live.view.lights ? { sky } : {}), lights: live.lights(defaults.lights), ...toFile(live.view) };
+}
 
 /// Whether the picture on the screen is the exact picture of the newest view.
 function isExact() { return connection.isOpen && Boolean(picture.header?.exact) && hud.isNewest; }

@@ -75,6 +75,11 @@ class Live(Case):
                 header, images = client.until_exact(60 * PATIENCE)
                 self.assertEqual(images[0], self.batch(view), f"{mode} {extra}")
                 self.assertEqual((header["traced"], header["samples"]), (1, view["spp"]))
+        # A view with lights of its own has no default sky, which would need a sun.
+        view = {name: value for name, value in whole.items() if name != "sky"}
+        view.update(size=[80, 60], mode="path", spp=2, lights=[{"type": "point", "position": [0, 0, 90], "radiance": [9000, 9000, 9000]}])
+        client.want(view)
+        self.assertEqual(client.until_exact(60 * PATIENCE)[1][0], self.batch(view))
         # A camera of another kind, and a smaller size after a larger one.
         view = {**whole, "size": [64, 48], "camera": {**whole["camera"], "ortho": 60}}
         del view["camera"]["fov"]

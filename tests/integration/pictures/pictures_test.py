@@ -85,6 +85,19 @@ class Pictures(Case):
         self.must_fail(2, r"--view is one of iso, .*, not 'above'", "quarry", "render", scene, "-o", self.path("d.png"), "--view", "above")
         self.assertFalse((self.folder / "d.png").exists())
 
+    def test_mode_path_has_a_sky_or_the_light_of_the_scene(self):
+        def lights(name, text):
+            (self.folder / f"{name}.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0.1\nusemtl m\nf 1 2 3\n")
+            (self.folder / "m.mtl").write_text("newmtl m\nKd 0.5 0.5 0.5\n" + text)
+            store, view = self.path(f"{name}.quarry"), self.path(f"{name}.json")
+            self.must("quarry-preprocess", self.path(f"{name}.obj"), "-o", store, "--quiet", "--up-axis", "z")
+            self.must("quarry", "render", store, "-o", self.path("p.png"), "--quiet", "--force", "--mode", "path", "--spp", 1, "--size", "16x16", "--write-view", view)
+            members = json.loads(pathlib.Path(view).read_text())
+            return members.get("sky"), len(members["lights"])
+
+        self.assertEqual(lights("dark", ""), ({"turbidity": 3.0}, 1))
+        self.assertEqual(lights("shining", "Ke 3 2 1\n"), (None, 0))
+
     def test_a_camera_path_may_hold_the_look_of_its_frames(self):
         scene = self.store("city", 20000)
         picture = self.render("a.png", scene, "--mode", "whitted", "--sun", "1,2,3", "--exposure", "0.5", "--write-view", self.path("v.json"))

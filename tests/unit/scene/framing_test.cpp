@@ -98,6 +98,36 @@ TEST_CASE("The default sun turns with a view's up axis, and a scene's own lights
   CHECK(view.lights == own);
 }
 
+TEST_CASE("Mode path adds a sky to the default sun, and leaves both out where the scene shines",
+          "[framing][path]") {
+  SceneSummary scene;
+  scene.framing = Box({0, 0, 0}, {1, 1, 1});
+  CHECK(DefaultSky(scene).shines());
+  scene.shines = true;
+  CHECK_FALSE(DefaultSky(scene).shines());
+  scene.shines = false;
+  scene.views.lights = {{"lamp", LightKind::kPoint}};
+  CHECK_FALSE(DefaultSky(scene).shines());
+
+  View view;
+  view.lights = {DefaultSun(2)};
+  view.mode = RenderMode::kWhitted;
+  DropDefaultSun(view);
+  CHECK(view.lights.size() == 1);
+  view.mode = RenderMode::kPath;
+  view.sky.radiance = glm::vec3(1);
+  DropDefaultSun(view);
+  CHECK(view.lights.size() == 1);
+  view.sky = {};
+  const std::vector<Light> own{{LightKind::kSun, {0, 0, 1}, glm::vec3(0.9f)}};
+  view.lights = own;
+  DropDefaultSun(view);
+  CHECK(view.lights == own);
+  view.lights = {DefaultSun(1)};
+  DropDefaultSun(view);
+  CHECK(view.lights.empty());
+}
+
 TEST_CASE("A scene of one point has a camera", "[framing]") {
   const CameraSpec camera = CameraFor(Box({1, 2, 3}, {1, 2, 3}), NamedView::kIso, {});
   CHECK(CheckCamera(camera).has_value());

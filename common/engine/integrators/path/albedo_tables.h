@@ -12,8 +12,8 @@ float FresnelOf(float cosine, float ior);
 
 /// Shares of light that a rough specular layer sends back, by direction: the integrals of GGX lobes with
 /// visible normals and height-correlated shadowing, which have no closed form. Made once, on first use, in
-/// about 0.2 s, by arithmetic that is the same on all machines. Immutable, so thread-safe. Memory: 36 KiB.
-/// Source: the split of Turquin 2019 ("Practical multiple scattering compensation"), sections 3 and 4.
+/// about 0.12 s, by arithmetic that is the same on all machines. Immutable, so thread-safe. Memory: 44 KiB.
+/// Source: Turquin 2019 ("Practical multiple scattering compensation for microfacet models").
 class AlbedoTables {
  public:
   static const AlbedoTables& Get();

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
+#include <numbers>
 
 #include "common/math/sampling.h"
 
@@ -33,7 +34,7 @@ class Ggx {
 
   /// Facets a solid angle, of a facet whose normal has the height `z`.
   float Distribution(float z) const {
-    constexpr float kPi = 3.14159265f;
+    constexpr float kPi = std::numbers::pi_v<float>;
     const float a2 = alpha_ * alpha_, d = z * z * (a2 - 1) + 1;
     return a2 / (kPi * d * d);
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <numbers>
 
 #include "common/engine/integrators/path/albedo_tables.h"
 #include "common/math/sampling.h"
@@ -11,13 +12,22 @@
 namespace quarry {
 namespace {
 
-constexpr float kPi = 3.14159265f;
+constexpr float kPi = std::numbers::pi_v<float>;
 /// Half angle of a cosine lobe, for cones. A judgement: half of its light lies within.
 constexpr float kMattWidth = 0.5f;
 
 float Mean(const glm::vec3& v) { return (v.x + v.y + v.z) / 3; }
 
 float FifthPower(float x) { return x * x * x * x * x; }
+
+/// `view` mirrored at a normal, on the outer side of the surface: if that lies inside, mirrored out of it.
+glm::vec3 Mirrored(const glm::vec3& view, const glm::vec3& normal, const glm::vec3& side) {
+  const glm::vec3 mirrored = normal * (2 * glm::dot(normal, view)) - view;
+  const float into = glm::dot(mirrored, side);
+  return Unit(into > 0 ? mirrored : mirrored - side * (2 * into));
+}
+
+glm::vec3 SideOf(const Surface& s) { return s.entering ? s.geometric_normal : -s.geometric_normal; }
 
 }  // namespace
 
@@ -26,12 +36,8 @@ float TerminatorShare(float geometric_cosine, float shading_cosine, float betwee
   return g >= 1 ? 1.0f : g * (1 + g * (1 - g));
 }
 
-PathBsdf::PathBsdf(const SurfaceProperties& m, const Surface& s)
-    : normal_(s.normal), side_(s.entering ? s.geometric_normal : -s.geometric_normal) {
-  const float sign = normal_.z < 0 ? -1.0f : 1.0f;  // the frame of CosineDirection()
-  const float a = -1 / (sign + normal_.z), b = normal_.x * normal_.y * a;
-  tangent_ = {1 + sign * normal_.x * normal_.x * a, sign * b, -sign * normal_.x};
-  bitangent_ = {b, sign + normal_.y * normal_.y * a, -normal_.y};
+PathBsdf::PathBsdf(const SurfaceProperties& m, const Surface& s) : normal_(s.normal), side_(SideOf(s)) {
+  Tangents(normal_, tangent_, bitangent_);
   view_ = ToLocal(s.view);
   view_.z = std::max(view_.z, 1e-4f);
   const glm::vec3 base = glm::min(m.base_color * s.color, glm::vec3(1));
@@ -79,12 +85,8 @@ PathBsdf::Scattered PathBsdf::Toward(const glm::vec3& world, const glm::vec3& li
 PathBsdf::Sample PathBsdf::SampleDirection(const glm::vec2& u, float choice) const {
   if (specular_chance_ == 0 && matt_ == glm::vec3(0)) return {};
   const bool specular = choice < specular_chance_;
-  if (specular && is_mirror()) {
-    const glm::vec3 mirrored = ToWorld({-view_.x, -view_.y, view_.z});
-    const float into = glm::dot(mirrored, side_);
-    return {into > 0 ? mirrored : glm::normalize(mirrored - side_ * (2 * into)),
-            Reflected(view_.z) / specular_chance_, 0, 0};
-  }
+  if (specular && is_mirror())
+    return {Mirrored(ToWorld(view_), normal_, side_), Reflected(view_.z) / specular_chance_, 0, 0};
   glm::vec3 light;
   if (specular) {
     const glm::vec3 facet = Ggx(alpha_).Facet(view_, u);
@@ -99,31 +101,27 @@ PathBsdf::Sample PathBsdf::SampleDirection(const glm::vec2& u, float choice) con
   return {world, all.weight / all.density, all.density, specular ? std::min(alpha_, kMattWidth) : kMattWidth};
 }
 
-glm::vec3 MirrorDirection(const Surface& s) {
-  const glm::vec3 side = s.entering ? s.geometric_normal : -s.geometric_normal;
-  const glm::vec3 mirrored = s.normal * (2 * glm::dot(s.normal, s.view)) - s.view;
-  const float into = glm::dot(mirrored, side);
-  return Unit(into > 0 ? mirrored : mirrored - side * (2 * into));
-}
+glm::vec3 MirrorDirection(const Surface& s) { return Mirrored(s.view, s.normal, SideOf(s)); }
 
 GlassRay ThroughGlass(const SurfaceProperties& m, const Surface& s, float choice) {
+  const bool is_pane = m.ior <= 1;
   const float cosine = std::clamp(glm::dot(s.normal, s.view), 0.0f, 1.0f);
-  const float index = s.entering ? m.specular_ior : 1 / m.specular_ior;
+  const float index = s.entering || is_pane ? m.specular_ior : 1 / m.specular_ior;
   if (choice < FresnelOf(cosine, index)) return {MirrorDirection(s), glm::vec3(1), false};
-  const float eta = 1 / index, inner2 = std::max(1 - eta * eta * (1 - cosine * cosine), 0.0f);
   const glm::vec3 tint = m.transmission_depth > 0 ? m.base_color : m.transmission_color;
+  if (is_pane) return {-s.view, tint, true};
+  const float eta = 1 / index, inner2 = std::max(1 - eta * eta * (1 - cosine * cosine), 0.0f);
   return {Unit(s.normal * (eta * cosine - std::sqrt(inner2)) - s.view * eta), tint, true};
 }
 
-Passing PassingOf(const SurfaceProperties& m, float cosine, bool has_map) {
+Passing PassingOf(const SurfaceProperties& m, float cosine, bool has_map, bool is_textured) {
   Passing p;
   const float there = has_map ? 1.0f : m.geometry_opacity;
-  const float glass = there * (1 - m.base_metalness) * m.transmission_weight;
   p.hole = 1 - there;
-  p.glass = glass;
-  if (m.ior > 1 || glass <= 0) return p;
-  p.pane = glass * (1 - FresnelOf(std::min(cosine, 1.0f), m.specular_ior));
-  p.glass = glass - p.pane;
+  p.glass = there * (1 - m.base_metalness) * m.transmission_weight;
+  if (m.ior > 1 || is_textured) return p;
+  p.pane = p.glass * (1 - FresnelOf(std::min(cosine, 1.0f), m.specular_ior));
+  p.glass -= p.pane;
   p.tint = m.transmission_depth > 0 ? m.base_color : m.transmission_color;
   return p;
 }

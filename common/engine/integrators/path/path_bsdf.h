@@ -13,12 +13,12 @@
 namespace quarry {
 
 /// The opaque part of a surface: metal, and a matt body under a clear specular layer. The layer takes its
-/// share by the directional albedo of the viewer's side, so that no light is lost or gained. Its facets, and
-/// those of metal, are GGX, made up for the light that facets send to one another. Rule for shading normals:
-/// light and viewer must lie on one side of the geometric normal, so that thin sheets do not leak; where the
-/// light grazes the triangle more than the shading normal says, its light fades out (TerminatorShare()), so
-/// that no hard edge of black follows the triangles. Source: OpenPBR's mix of metal and dielectric base;
-/// Turquin 2019 for multiple scattering, equation 16.
+/// share by the directional albedo of the viewer's side, so that no light is lost or gained. The facets of
+/// the layer and of metal are GGX; their lobes are scaled up for light that is reflected more than once.
+/// Shading normals: light and viewer must lie on one side of the geometric normal, so that thin sheets do not
+/// leak. Where light grazes the triangle more than the shading normal says, it fades out (TerminatorShare()),
+/// so that no hard edge of black follows the triangles.
+/// Source: the mix of metal and dielectric base of OpenPBR; Turquin 2019 for multiple scattering.
 class PathBsdf {
  public:
   /// Below this width facets are a mirror. A judgement: the highlight is narrower than the sun.
@@ -65,26 +65,28 @@ class PathBsdf {
 /// into the surface.
 glm::vec3 MirrorDirection(const Surface& surface);
 
-/// A ray that meets smooth glass. `choice`: in [0, 1), decides between reflection and transmission.
+/// A ray that meets smooth glass: a boundary between media, or a pane (`ior` 1), behind which it goes
+/// straight on. `choice`: in [0, 1), decides between reflection and transmission.
 struct GlassRay {
   glm::vec3 direction{0}, weight{0};
   bool transmitted = false;
 };
 GlassRay ThroughGlass(const SurfaceProperties& properties, const Surface& surface, float choice);
 
-/// The shares of a surface that a ray passes straight on, which are no vertices.
+/// The shares of a surface that rays pass straight on, which are no vertices.
 struct Passing {
   float hole = 0;     ///< share where there is no surface
   float pane = 0;     ///< share where a thin pane lets light pass
   glm::vec3 tint{1};  ///< of the pane
-  float glass = 0;    ///< share of glass, panes included, that remains to be met: it mirrors, or refracts
+  float glass = 0;    ///< share of glass that is a vertex; of a pane that rays pass, its mirror
   glm::vec3 Light() const { return glm::vec3(hole) + tint * pane; }
 };
-/// `cosine`: between ray and normal, at least 0. `has_map`: the opacity's map has decided already.
-Passing PassingOf(const SurfaceProperties& properties, float cosine, bool has_map);
+/// `cosine`: between ray and geometric normal, at least 0. `has_map`: the opacity's map has decided already.
+/// `is_textured`: the pane has other textures, which light rays do not look up, so that they do not pass it.
+Passing PassingOf(const SurfaceProperties& properties, float cosine, bool has_map, bool is_textured);
 
 /// The share of light where the shading normal is brighter than the geometric normal allows, from 0 where the
-/// light grazes the triangle to 1. Source: Chiang et al. 2019 ("Taming the shadow terminator"), equation 3.
+/// light grazes the triangle to 1. Source: Chiang et al. 2019 ("Taming the shadow terminator").
 float TerminatorShare(float geometric_cosine, float shading_cosine, float between_normals);
 
 }  // namespace quarry

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <numbers>
 #include <span>
 
 #include "common/engine/integrators/scatter.h"
@@ -13,7 +14,7 @@
 namespace quarry {
 namespace {
 
-constexpr double kPi = 3.14159265358979324;
+constexpr double kPi = std::numbers::pi;
 constexpr auto kPiFloat = static_cast<float>(kPi);
 
 /// Numbers of a choice: as many as SobolSample() gives, so that shares of them are exact.
@@ -211,8 +212,8 @@ PathLights::Sample PathLights::TowardDisc(const Entry& entry, const glm::vec2& u
   const float r2 = std::min(glm::dot(disk, disk), 1.0f), low = entry.cap * r2;
   const float side = std::sqrt(std::max(low * (2 - low), 0.0f) / std::max(r2, 1e-18f));
   const glm::vec3 middle = entry.light->vector;
-  const glm::vec3 other = std::fabs(middle.x) < 0.9f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
-  const glm::vec3 across = glm::normalize(glm::cross(middle, other)), along = glm::cross(middle, across);
+  glm::vec3 across, along;
+  Tangents(middle, across, along);
   const glm::vec3 direction = Unit(across * (disk.x * side) + along * (disk.y * side) + middle * (1 - low));
   const float density = entry.disc_density * entry.chance;
   return {direction, kInfinity, entry.disc / density, density};
@@ -227,10 +228,11 @@ PathLights::Sample PathLights::TowardEmitter(const glm::vec3& position, float ch
   if (IsCutOff(section_, std::span(&at, 1))) return {};
   const float distance2 = std::max(glm::dot(to, to), 1e-20f), distance = std::sqrt(distance2);
   const glm::vec3 direction = to / distance;
-  const float cosine = std::fabs(glm::dot(direction, shining.normal));
+  const float turn = glm::dot(direction, shining.normal), cosine = std::fabs(turn);
   if (!(cosine > 1e-6f)) return {};
   const float density = shining.chance * distance2 / (shining.area * cosine);
-  return {direction, distance, shining.radiance / density, density};
+  return {direction, distance, shining.radiance / density, density,
+          turn < 0 ? shining.normal : -shining.normal};
 }
 
 float PathLights::EmitterDensity(uint32_t triangle, float distance, float cosine) const {

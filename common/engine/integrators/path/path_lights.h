@@ -17,10 +17,10 @@ namespace quarry {
 enum class LightWays { kBoth, kAsked, kMet };
 
 /// The lights of a view for mode `path`: suns with discs, points and spots, rectangles, the sky, and the
-/// scene's table of emitters, but for those that are hidden, coloured or cut off. A vertex chooses one of
-/// them, by its power and evenly by halves; paths find discs, rectangles and the sky too. Radiance is linear
-/// RGB, densities are by solid angle. Immutable, so thread-safe. The same bits on all machines. Memory: 68
-/// bytes an emitter.
+/// scene's table of emitters. Emitters that the view hides, colours or cuts off are left out. A vertex asks
+/// for one light, which it chooses by power and evenly, by halves; paths meet discs, rectangles and the sky
+/// too. Radiance is linear RGB, densities are by solid angle. Immutable, so thread-safe. The same bits on all
+/// machines. Memory: 76 bytes an emitter.
 class PathLights {
  public:
   /// `view` is normalized.
@@ -34,12 +34,13 @@ class PathLights {
   struct Sample {
     glm::vec3 direction{0};
     float distance = 0;
-    glm::vec3 light{0};  ///< radiance over the density; of a point, irradiance over the chance
-    float density = 0;   ///< with which the direction is chosen; 0: of a point, which paths cannot find
+    glm::vec3 light{0};   ///< radiance over the density; of a point, irradiance over the chance
+    float density = 0;    ///< with which the direction is chosen; 0: of a point, which paths cannot find
+    glm::vec3 normal{0};  ///< of an emitter, on the side of the position; 0: nothing is there to be hit
   };
   /// The share of a light that a vertex has asked for, when its BSDF finds the direction with `met`; and that
   /// of a light that a ray has met, when a vertex asks for it with `asked`. Either is 0 where that way does
-  /// not find the light. Source: Veach 1997, section 9.2.4 (the power heuristic).
+  /// not find the light. Source: Veach 1997, chapter 9 (the power heuristic).
   float AskedShare(float asked, float met) const;
   float MetShare(float met, float asked) const;
 
@@ -76,6 +77,7 @@ class PathLights {
     glm::vec3 corner{0}, sides[2], normal{0}, radiance{0};
     float chance = 0, area = 0;  ///< `chance`: of all choices of Toward()
   };
+  static_assert(sizeof(Shining) + sizeof(uint32_t) == 76, "the README states the memory");
   static Entry EntryOf(const Light& light);
   double TakeEmitters(const View& view, const Catalog& scene);
   void ShareChances(const std::vector<double>& powers);

@@ -11,6 +11,7 @@
 #include "common/engine/integrators/path/path_packet.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/properties.h"
+#include "common/engine/surfaces/shown_parts.h"
 #include "common/math/elementary.h"
 #include "common/math/random.h"
 #include "common/math/sampling.h"
@@ -22,8 +23,6 @@ namespace {
 enum Slot : uint32_t { kDirection = 0, kChoice = 2, kLight = 4, kLightPlace = 6 };
 /// Bounces before paths end by chance.
 constexpr uint32_t kSafeBounces = 3;
-/// Light rays to areas end so much before them that they do not meet the area itself.
-constexpr float kBeforeArea = 1 - 1e-4f;
 
 glm::vec2 Numbers(const PacketWork& work, uint32_t lane, Slot slot) {
   const SamplePacket& s = work.samples;
@@ -41,8 +40,11 @@ float ShareOf(const PacketWork& work, uint32_t lane) {
   return static_cast<float>(RandomBits(key, kPassDimension) >> 8) * 0x1p-24f;
 }
 
-bool HasOpacityMap(const PacketWork& work, uint32_t material) {
-  return work.view.surfaces->OpacityOf(material) != nullptr;
+/// How rays pass a surface of this material, see PassingOf().
+Passing PassingAt(const PacketWork& work, uint32_t material, const SurfaceProperties& m, float cosine) {
+  const SceneSurfaces& scene = *work.view.surfaces;
+  return PassingOf(m, cosine, scene.OpacityOf(material) != nullptr,
+                   (scene.UsesOf(material) & work.view.texture_uses) != 0);
 }
 
 glm::vec3 PowerOf(const glm::vec3& base, float exponent) {
@@ -117,7 +119,7 @@ void PathTracer::Shade(PacketWork& work, uint64_t lanes) const {
   });
   ForEachLane(passing, [&](uint32_t i) {
     if (TextureLookups* lookups = work.lookups)  // back to the width at the ray's origin
-      if (work.looked_up() >> i & 1) lookups->cone_width[i] -= lookups->cone_spread[i] * work.rays.hit_t[i];
+      lookups->cone_width[i] -= lookups->cone_spread[i] * work.rays.hit_t[i];
     work.rays.GoOnAfterHit(i, s.t_end[i]);
     ++s.path_code[i];
   });
@@ -136,9 +138,9 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   PathPacket& path = *work.path;
   const auto i = static_cast<int>(lane);
   const Surface surface = s.surface[i];
-  const float cosine = std::fabs(glm::dot(surface.normal, surface.view));
+  const float cosine = std::fabs(glm::dot(surface.geometric_normal, surface.view));
   const bool is_cap = (s.capped >> lane & 1) != 0;
-  const Passing passing = is_cap ? Passing{} : PassingOf(m, cosine, HasOpacityMap(work, surface.material));
+  const Passing passing = is_cap ? Passing{} : PassingAt(work, surface.material, m, cosine);
   float share = passing.hole + passing.pane > 0 || passing.glass > 0 ? ShareOf(work, lane) : 1.0f;
   if (share < passing.hole + passing.pane) {
     if (share >= passing.hole) s.weight.Set(i, s.weight[i] * passing.tint);
@@ -155,8 +157,7 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
     return Outcome::kEnds;
   }
   if (m.emission != glm::vec3(0)) {
-    const float flat = std::fabs(glm::dot(surface.geometric_normal, surface.view));
-    const float asked = lights_.EmitterDensity(work.rays.triangle[lane], hit_t, flat);
+    const float asked = is_cap ? 0.0f : lights_.EmitterDensity(work.rays.triangle[lane], hit_t, cosine);
     AddTo(path, i, weight * m.emission * lights_.MetShare(path.density[lane], asked));
   }
   if (s.depth[lane] > view_.bounces) return Outcome::kEnds;
@@ -169,8 +170,8 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   }
   if (m.ior > 1 && m.transmission_depth > 0 && !surface.entering)
     weight *= PowerOf(m.transmission_color, hit_t / m.transmission_depth);
-  const GlassRay ray = m.ior > 1 ? ThroughGlass(m, surface, Numbers(work, lane, kChoice).x)
-                                 : GlassRay{MirrorDirection(surface), glm::vec3(1), false};
+  const GlassRay ray = passing.pane > 0 ? GlassRay{MirrorDirection(surface), glm::vec3(1), false}
+                                        : ThroughGlass(m, surface, Numbers(work, lane, kChoice).x);
   path.next_direction.Set(i, ray.direction);
   path.next_weight.Set(i, weight * ray.weight);
   path.next_density[lane] = 0;
@@ -208,12 +209,18 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf)
   if (!(Largest(light) > 0)) return;
   s.light.Set(i, light);
   s.next_light[lane] = 1;  // the cut-outs' key tells light rays from the path's
-  const float end = sample.density > 0 ? sample.distance * kBeforeArea : sample.distance;
-  work.path->light_end[lane] = end;
   Ray ray;
   ray.origin = LeaveSurface(surface.position, surface.geometric_normal, sample.direction, work.view.offset);
   ray.direction = sample.direction;
-  ray.t_max = end;
+  ray.t_max = sample.distance;
+  if (sample.normal != glm::vec3(0)) {  // the ray ends off the emitter, as it begins off the surface
+    const glm::vec3 end =
+        surface.position + sample.direction * sample.distance + sample.normal * work.view.offset;
+    const glm::vec3 to = end - ray.origin;
+    ray.direction = Unit(to);
+    ray.t_max = std::sqrt(glm::dot(to, to));
+  }
+  work.path->light_end[lane] = ray.t_max;
   work.rays.Set(lane, ray);
 }
 
@@ -277,8 +284,10 @@ bool PathTracer::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& vo
   const Material& material = work.view.catalog.materials[number];
   const Surface met = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1),
                                 voxel.vertex(hit.local, 2), hit.b1, hit.b2, rays.DirectionOf(lane));
-  const glm::vec3 passes =
-      PassingOf(material, std::fabs(glm::dot(met.normal, met.view)), HasOpacityMap(work, number)).Light();
+  // A part with a colour of the view's is plain.
+  if (work.view.colors_parts && work.view.shown->selection().ColorOf(voxel.part(hit.local))) return false;
+  const float cosine = std::fabs(glm::dot(met.geometric_normal, met.view));
+  const glm::vec3 passes = PassingAt(work, number, material, cosine).Light();
   s.light.Set(i, s.light[i] * passes);
   if (!(Largest(s.light[i]) > 0)) return false;
   rays.GoOnAfterHit(lane, End(work, lane));

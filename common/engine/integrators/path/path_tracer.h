@@ -16,7 +16,7 @@ class PathBsdf;
 /// Veach 1997, chapter 9 (multiple importance sampling); Purcell et al. 2002, section 4, the path tracer.
 class PathTracer final : public LightRays {
  public:
-  /// `view` is normalized and outlives this, as does `scene`.
+  /// `view` is normalized, and outlives this.
   PathTracer(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth);
 
   Needs needs() const override;
@@ -33,7 +33,7 @@ class PathTracer final : public LightRays {
   bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const override;
 
  private:
-  /// What becomes of a hit: the ray passes it, its path ends there, or it is a vertex.
+  /// The result of a hit: the ray passes it, its path ends there, or it scatters there.
   enum class Outcome { kPasses, kEnds, kScatters };
   Outcome Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
   void ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;

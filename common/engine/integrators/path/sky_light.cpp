@@ -5,6 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
+#include <numbers>
 
 #include "common/math/elementary.h"
 #include "common/math/sampling.h"
@@ -12,11 +13,11 @@
 namespace quarry {
 namespace {
 
-constexpr float kPi = 3.14159265f;
+constexpr double kPi = std::numbers::pi;
 /// A sun of irradiance 0.9 pi, the default, stands for 100,000 lux, the full sun; the sky's thousands of
 /// candelas a square metre are divided accordingly.
-constexpr float kUnitOfSky = 1000 * 0.9f * kPi / 100000;
-/// What the ground sends back of the sky's light. A judgement: grass and soil.
+constexpr auto kUnitOfSky = static_cast<float>(1000 * 0.9 * kPi / 100000);
+/// Albedo of the ground below the sky. A judgement: grass and soil.
 constexpr float kGroundAlbedo = 0.2f;
 
 float Exp(float x) { return static_cast<float>(Exp2(static_cast<double>(x) * 1.44269504088896341)); }
@@ -29,7 +30,7 @@ float ArcCosine(float cosine) {
   double sum = 0;
   for (int i = 7; i >= 0; --i) sum = sum * x + kTerms[i];
   const double angle = std::sqrt(1 - x) * sum;
-  return static_cast<float>(cosine < 0 ? 3.14159265358979324 - angle : angle);
+  return static_cast<float>(cosine < 0 ? kPi - angle : angle);
 }
 
 /// A cubic polynomial of the sun's angle from the zenith, for one power of the turbidity.
@@ -48,10 +49,10 @@ glm::vec3 ToRgb(float luminance, float x, float y) {
 
 glm::vec3 OnSphere(float height, float turn, const glm::vec3& up) {
   double sine = 0, cosine = 0;
-  SinCos(2.0 * 3.14159265358979324 * turn, sine, cosine);
+  SinCos(2.0 * kPi * turn, sine, cosine);
   const float side = std::sqrt(std::max(1 - height * height, 0.0f));
-  const glm::vec3 other = std::fabs(up.x) < 0.9f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0);
-  const glm::vec3 across = glm::normalize(glm::cross(up, other)), along = glm::cross(up, across);
+  glm::vec3 across, along;
+  Tangents(up, across, along);
   return across * (side * static_cast<float>(cosine)) + along * (side * static_cast<float>(sine)) +
          up * height;
 }
@@ -70,7 +71,7 @@ SkyLight::SkyLight(const Sky& sky, const glm::vec3& sun, const glm::vec3& up)
   y_ = {-0.0167f * t - 0.2608f, -0.0950f * t + 0.0092f, -0.0079f * t + 0.2102f,
         -0.0441f * t - 1.6537f, -0.0109f * t + 0.0529f, 1};
   double sine = 0, cosine = 1;
-  SinCos((4.0 / 9 - t / 120) * (3.14159265358979324 - 2.0 * angle), sine, cosine);
+  SinCos((4.0 / 9 - t / 120) * (kPi - 2.0 * angle), sine, cosine);
   const float zenith = (4.0453f * t - 4.9710f) * static_cast<float>(sine / cosine) - 0.2155f * t + 2.4192f;
   const float x = t * t * Cubic({0.00166f, -0.00375f, 0.00209f, 0}, angle) +
                   t * Cubic({-0.02903f, 0.06377f, -0.03202f, 0.00394f}, angle) +
@@ -118,8 +119,8 @@ glm::vec3 SkyLight::Direction(const glm::vec2& u) const {
 }
 
 float SkyLight::Density(const glm::vec3& direction) const {
-  if (!is_clear_) return 1 / (4 * kPi);
-  return glm::dot(direction, up_) > 0 ? 1 / (2 * kPi) : 0.0f;
+  if (!is_clear_) return static_cast<float>(1 / (4 * kPi));
+  return glm::dot(direction, up_) > 0 ? static_cast<float>(1 / (2 * kPi)) : 0.0f;
 }
 
 }  // namespace quarry

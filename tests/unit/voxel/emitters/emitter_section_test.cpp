@@ -82,6 +82,12 @@ TEST_CASE("A material shines wholly, or its triangles are in no table", "[path]"
     CHECK_FALSE(Shines(m));
   }
   m.textures = {};
+  m.geometry_opacity = 0.5f;
+  CHECK_FALSE(Shines(m));
+  m.geometry_opacity = 1;
+  m.transmission_weight = 0.5f;
+  CHECK_FALSE(Shines(m));
+  m.transmission_weight = 0;
   m.unlit = true;
   CHECK_FALSE(Shines(m));
 }

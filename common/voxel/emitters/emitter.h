@@ -25,9 +25,11 @@ inline double AreaOf(const Emitter& emitter) {
   return std::sqrt(glm::dot(cross, cross)) / 2;
 }
 
-/// Whether triangles of the material may be in the table: their radiance is one, and they exist wholly.
+/// Whether triangles of the material may be in the table: they have one radiance all over, and no ray passes
+/// them.
 inline bool Shines(const Material& material) {
   if (material.unlit || material.emission == glm::vec3(0)) return false;
+  if (material.geometry_opacity < 1 || material.transmission_weight > 0) return false;
   for (const TextureBinding& binding : material.textures)
     if (binding.use == TextureUse::kEmission || binding.use == TextureUse::kOpacity) return false;
   return true;
