@@ -14,6 +14,7 @@
 
 #include "common/base/log.h"
 #include "common/base/size.h"
+#include "common/engine/integrators/path/light_range.h"
 #include "common/net/source_spec.h"
 #include "common/program/service_notice.h"
 #include "common/remote/open_store.h"
@@ -69,7 +70,10 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
              [this](const View& view, std::stop_token stop) {
                return MeterExposure(scene_, view, kMeterBytes, std::move(stop));
              },
-             [this](View& view) { return selections_.Complete(view); }}),
+             [this](View& view) {
+               view.range = RangeOf(view, catalog());
+               return selections_.Complete(view);
+             }}),
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
       // From a random start: results for another master's frames are recognised.

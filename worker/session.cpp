@@ -329,8 +329,10 @@ void Session::SendTile(const TileOrder& order, RenderedTile result) {
   if (!connection_) return;  // the lease ends and another worker gets the tile
   if (!result.begun) return GiveBack(order);
   TileDone done{order.frame, order.tile, order.lease, result.rays, result.rays_suspended, result.compute_us};
-  if (order.area.form == PixelForm::kMeans) {
+  if (order.urgency == Urgency::kJob) {
     SendStatus(false);  // first, so that a frame's statistics are complete with its last tile
+    done.saturated = result.faults.saturated;
+    done.not_numbers = result.faults.not_numbers;
     done.depths = std::move(result.depths);
     done.blocks = scene_->catalog.NumbersOf(result.blocks);
   }

@@ -55,6 +55,7 @@ void StartCones(PacketWork& work, uint64_t lanes) {
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& tile) {
   QUARRY_CHECK(view->integrator->needs().pixels);
   film_.Open(*view, tile);
+  touched_ = {};
   eye_rays_.Open(view->view, view->camera, tile);
   leaves_holes_ = tile.leaves_holes;
   view_ = std::move(view);
@@ -68,6 +69,7 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
   QUARRY_CHECK(!view->integrator->needs().surfaces);
   film_.OpenHits(part.count);
+  touched_ = {};
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;
   view_ = std::move(view);
@@ -282,10 +284,9 @@ size_t TileRenderer::memory_bytes() const {
 }
 
 RenderedTile TileRenderer::Take() {
-  RemoveRepetitions(touched_);
   RenderedTile result;
   film_.Take(*view_, result);
-  result.blocks = std::exchange(touched_, {});
+  result.blocks = touched_.Take();
   const RayBatch::Counts counts = batch_.TakeCounts();
   result.rays = counts.rays;
   result.rays_suspended = counts.suspended;

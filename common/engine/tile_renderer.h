@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/engine/blocks/touched_blocks.h"
 #include "common/engine/film/tile_film.h"
 #include "common/engine/integrators/path/path_packet.h"
 #include "common/engine/integrators/pending_rays.h"
@@ -15,12 +16,6 @@
 #include "common/engine/sources/ray_list.h"
 
 namespace quarry {
-
-/// Sorts blocks and removes repetitions.
-inline void RemoveRepetitions(std::vector<BlockKey>& blocks) {
-  std::ranges::sort(blocks);
-  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
-}
 
 /// Renders one tile, or traces one part of a list of rays, at a time and never blocks. Samples go in packets
 /// of 64. A source gives them their first rays, the batch traces these, surfaces are made of their hits, an
@@ -40,9 +35,9 @@ class TileRenderer {
   template <class Want>
   void Step(PinnedBlocks& pins, Want&& want) {
     if (reader_ == 0) reader_ = pins.NewReader();
-    pins.LogTo(touched_, reader_);
+    pins.LogTo(touched_.log(), reader_);
     Round(pins);
-    if (touched_.size() > kMostTouched) RemoveRepetitions(touched_);
+    touched_.Tidy();
     batch_.ReportParked(want);
   }
   /// Ends the tile unfinished. Blocks that its rays waited for may still be delivered.
@@ -67,9 +62,6 @@ class TileRenderer {
   RenderedTile Take();
 
  private:
-  /// Length of touched_ at which repetitions are removed; 128 KiB.
-  static constexpr size_t kMostTouched = 1u << 14;
-
   void BeginPass(RaySource& source, const Integrator& integrator);
   void BeginPixelsAfterEdges();
   PacketWork WorkOn(uint32_t packet, PinnedBlocks* pins);
@@ -103,7 +95,7 @@ class TileRenderer {
   std::unique_ptr<Scratch> scratch_ = std::make_unique<Scratch>();
   uint64_t unfinished_[RayBatch::kPackets] = {};  ///< samples under way, a bit each
   uint32_t reader_ = 0;                           ///< see PinnedBlocks::LogTo(); 0: none yet
-  std::vector<BlockKey> touched_;                 ///< with repetitions
+  TouchedBlocks touched_;
 };
 
 }  // namespace quarry

@@ -11,8 +11,9 @@ namespace quarry {
 /// Terms are never negative, so saturation does not depend on the order either. Not thread-safe.
 class FixedRadiance {
  public:
+  static constexpr float kMost = 0x1p20f;  ///< of a term
   QUARRY_HOST_DEVICE void Add(float value) {
-    const float term = value > 0 ? (value < 0x1p20f ? value : 0x1p20f) : 0.0f;
+    const float term = value > 0 ? (value < kMost ? value : kMost) : 0.0f;
     sum_ += static_cast<int64_t>(static_cast<double>(term) * 0x1p32);
     sum_ = sum_ < kMax ? sum_ : kMax;
   }

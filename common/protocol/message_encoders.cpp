@@ -56,6 +56,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->bounces = view.bounces;
   w->sky = ToVector(view.sky.radiance);
   w->turbidity = view.sky.turbidity;
+  w->range = static_cast<int8_t>(view.range);
   return w;
 }
 
@@ -67,6 +68,7 @@ std::unique_ptr<wire::JobT> JobToWire(const RenderJob& job) {
   w->format = job.format.name;
   w->exposure = job.format.exposure.value_or(0);
   w->automatic_exposure = !job.format.exposure;
+  if (job.format.tone) w->tone = static_cast<uint8_t>(*job.format.tone);
   w->parts = PartListsToWire(job.view.parts.lists.get());
   return w;
 }
@@ -181,6 +183,8 @@ Bytes Encode(const TileDone& m) {
   w.rays = m.rays;
   w.rays_suspended = m.rays_suspended;
   w.compute_us = m.compute_us;
+  w.saturated = m.saturated;
+  w.not_numbers = m.not_numbers;
   w.depths = m.depths;
   w.blocks = m.blocks;
   return PackTable<wire::TileDone>(w);

@@ -63,6 +63,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.edges = w.edges();
   view.bounces = w.bounces();
   view.sky.turbidity = w.turbidity();
+  view.range = w.range();
   return ReadSection(w.section(), view.section);
 }
 
@@ -81,6 +82,7 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   job.first_frame = w.first_frame();
   job.format.name = w.format() ? w.format()->str() : std::string();
   if (!w.automatic_exposure()) job.format.exposure = w.exposure();
+  if (w.tone() < kToneCurves) job.format.tone = static_cast<ToneCurve>(w.tone());
   if (w.parts()) {
     QUARRY_ASSIGN(job.view.parts.lists, ReadPartLists(*w.parts(), message_bytes));
   }
@@ -229,8 +231,8 @@ Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   std::vector<float> depths = Copy(w->depths());
   if (!std::ranges::all_of(depths, [](float depth) { return depth >= 0; }))
     return Fail("received an invalid result of a tile");
-  return TileDone{w->frame(),          w->tile(),       w->lease(),        w->rays(),
-                  w->rays_suspended(), w->compute_us(), std::move(depths), Copy(w->blocks())};
+  return TileDone{w->frame(),      w->tile(),         w->lease(),        w->rays(),      w->rays_suspended(),
+                  w->compute_us(), std::move(depths), Copy(w->blocks()), w->saturated(), w->not_numbers()};
 }
 
 Result<RayOrder> DecodeRayOrder(std::span<const std::byte> table) {

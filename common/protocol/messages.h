@@ -97,9 +97,10 @@ struct TileDone {
   uint64_t lease = 0;
   uint64_t rays = 0, rays_suspended = 0;
   uint64_t compute_us = 0;  ///< time spent on the tile, without waits for blocks
-  /// Per depth cell, row by row: t where the farthest primary ray ends. Empty unless the form is kMeans.
+  /// Per depth cell, row by row: t where the farthest primary ray ends. Empty unless for a job.
   std::vector<float> depths;
-  std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless the form is kMeans
+  std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless for a job
+  uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums, see FilmFaults
 };
 /// A ray whose nearest hit is wanted, under a lease.
 struct RayOrder {

@@ -12,9 +12,15 @@ namespace quarry {
 
 /// How a picture is written to a file.
 struct ImageFormat {
-  std::string name = "png";        ///< png or exr
-  std::optional<double> exposure;  ///< EV, for PNG only; none: metered in the job's first frame
+  std::string name = "png";            ///< png or exr
+  std::optional<double> exposure;      ///< EV, for PNG only; none: metered in the job's first frame
+  std::optional<ToneCurve> tone = {};  ///< of PNGs; none: the mode's
 };
+
+/// The tone curve of a picture of this mode. Thread-safe.
+inline ToneCurve ToneOf(const ImageFormat& format, RenderMode mode) {
+  return format.tone.value_or(InfoOf(mode).tone);
+}
 
 /// The pictures of a job: one view from several cameras, and the settings of the image files.
 struct RenderJob {

@@ -81,6 +81,7 @@ Status NormalizeView(View& view) {
   if (view.bounces > kMaxBounces)
     return BadUsage(fmt::format("--bounces must lie between 0 and {}", kMaxBounces));
   QUARRY_TRY(CheckSky(view));
+  if (std::abs(view.range) > kMostRange) return BadUsage("a view's range is too large");
   if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
   for (Light& light : view.lights) {

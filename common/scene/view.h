@@ -95,6 +95,9 @@ struct View {
   ViewParts parts;
   SectionCut section;
   bool edges = false;  ///< whether thin dark lines are drawn where parts or normals meet
+  /// Radiance is summed times 2^range, so that noon and candlelight fit sums. Pictures hold it as it is. Set
+  /// by who knows the scene, see RangeOf(). In [-kMostRange, kMostRange].
+  int range = 0;
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
   bool operator==(const View&) const = default;
@@ -106,6 +109,7 @@ inline constexpr uint32_t kMaxSpp = 1u << 16;
 inline constexpr uint32_t kMaxAoSamples = 256;
 inline constexpr uint32_t kMaxLights = 1024;
 inline constexpr uint32_t kMaxBounces = 64;
+inline constexpr int kMostRange = 64;
 inline constexpr uint32_t kTileSize = 32;  ///< side of a tile, pixels
 
 /// Side of a depth cell, in lattice points. For each cell a tile reports the t of the farthest primary ray.

@@ -151,6 +151,14 @@ Status ReadExposure(const JsonValue& value, std::optional<double>& exposure) {
   return {};
 }
 
+Status ReadTone(const JsonValue& value, std::optional<ToneCurve>& tone) {
+  const Result<std::string> name = value.Text();
+  if (!name) return tl::unexpected<Error>(name.error());
+  for (int curve = 0; curve < kToneCurves; ++curve)
+    if (*name == kToneCurveNames[curve]) return tone = static_cast<ToneCurve>(curve), Status{};
+  return value.Wrong("must be clip or film");
+}
+
 Status ReadCone(const JsonValue& value, Light& light) {
   QUARRY_TRY(value.HasOnly({"axis", "scale", "offset"}));
   QUARRY_TRY(ReadOptional(value, "axis", ReadDirection, light.axis));
@@ -345,7 +353,7 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
   QUARRY_TRY(json.HasOnly({"camera",   "size", "crop",   "mode",    "spp",        "seed",    "aov",
                            "up_axis",  "ao",   "lights", "ambient", "background", "bounces", "sky",
-                           "exposure", "hide", "only",   "colors",  "section",    "edges"}));
+                           "exposure", "hide", "only",   "colors",  "section",    "edges",   "tonemap"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -365,6 +373,7 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "bounces", ReadWhole<uint32_t>, view.bounces));
   QUARRY_TRY(ReadOptional(json, "sky", ReadSky, view.sky));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
+  QUARRY_TRY(ReadOptional(json, "tonemap", ReadTone, into.format.tone));
   QUARRY_ASSIGN(const auto lists, ReadPartLists(json));
   if (lists) view.parts = {lists, nullptr};
   QUARRY_ASSIGN(const std::optional<JsonValue> section, json.Optional("section"));
@@ -376,7 +385,7 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   return ReadLighting(json, offset, view);
 }
 
-ordered_json ViewToJson(const View& view, const std::optional<double>& exposure, const glm::dvec3& offset) {
+ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::dvec3& offset) {
   const CameraSpec& c = view.camera;
   ordered_json camera = {
       {"eye", ToJson(c.eye + offset)}, {"at", ToJson(c.at + offset)}, {"up", ToJson(c.up)}};
@@ -403,7 +412,8 @@ ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
   j["ambient"] = ToJson(view.ambient);
   if (!view.backdrop) j["background"] = ToJson(view.background);
-  if (exposure) j["exposure"] = *exposure;
+  if (format.exposure) j["exposure"] = *format.exposure;
+  if (format.tone) j["tonemap"] = kToneCurveNames[static_cast<size_t>(*format.tone)];
   if (view.parts.lists) j.update(PartListsToJson(*view.parts.lists));
   if (!view.section.empty()) j["section"] = ToJson(view.section, offset);
   if (view.edges) j["edges"] = true;

@@ -9,10 +9,10 @@
 
 namespace quarry {
 
-/// A picture as files and programs exchange it: a View and the exposure of its PNG.
+/// A picture as files and programs exchange it: a View and the exposure and tone curve of its PNG.
 struct ViewDescription {
   View view;
-  ImageFormat format;  ///< the exposure only
+  ImageFormat format;  ///< without a name
 };
 
 /// Reads a view:
@@ -20,8 +20,9 @@ struct ViewDescription {
 ///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
 ///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
-///    "bounces": 8, "sky": {"radiance": [r,g,b]} or {"turbidity": 3}, "exposure": EV, "hide": [path, ...],
-///    "only": [path, ...], "colors": [{"parts": [path, ...], "color": [r,g,b] or null}], "section": {"box":
+///    "bounces": 8, "sky": {"radiance": [r,g,b]} or {"turbidity": 3}, "exposure": EV, "tonemap": "film",
+///    "hide": [path, ...], "only": [path, ...], "colors": [{"parts": [path, ...], "color": [r,g,b] or null}],
+///    "section": {"box":
 ///    [[x,y,z], [x,y,z]], "planes": [{"point": [x,y,z], "normal": [x,y,z]}], "caps": true}, "edges": false}
 /// A missing member leaves its value in `into` unchanged. Lights are as in ReadLight(). Units: lengths in
 /// scene units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors
@@ -29,9 +30,9 @@ struct ViewDescription {
 /// normalized. Thread-safe.
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into);
 
-/// The view as ReadView() reads it, each member written. Thread-safe.
-nlohmann::ordered_json ViewToJson(const View& view, const std::optional<double>& exposure,
-                                  const glm::dvec3& offset);
+/// The view, and the exposure and tone curve of `format`, as ReadView() reads it, each member written.
+/// Thread-safe.
+nlohmann::ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::dvec3& offset);
 
 /// Reads the members "hide", "only" and "colors" of a view. Returns: null when there is none of them.
 Result<std::shared_ptr<const PartLists>> ReadPartLists(const JsonValue& json);

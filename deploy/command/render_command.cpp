@@ -82,7 +82,7 @@ Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& stor
 
 Status WriteView(const RenderArguments& a, const SceneSummary& scene, const RenderJob& job) {
   if (a.write_view.empty()) return {};
-  const auto json = ViewToJson(FrameView(job), job.format.exposure, scene.offset);
+  const auto json = ViewToJson(FrameView(job), job.format, scene.offset);
   return WriteFileAtomically(a.write_view, AsBytes(json.dump(2) + "\n"));
 }
 
@@ -175,6 +175,8 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["rays_per_s"] = Total(frames, "rays") / std::max(times.wall_s, 1e-9);
   j["tiles"] = count("tiles");
   j["leases_lost"] = count("leases_lost");
+  j["saturated_terms"] = count("saturated_terms");
+  j["nan_terms"] = count("nan_terms");
   j["frames"] = frames;
   return WriteFileAtomically(
       a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));

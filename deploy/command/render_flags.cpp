@@ -79,6 +79,8 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--lights", a.lights, "Lights, ambient and background as JSON");
   c.add_option("--exposure", a.exposure, "Exposure of PNGs in EV (default: by the first picture's light)")
       ->check(RealNumber(-100, 100));
+  c.add_option("--tonemap", a.tonemap,
+               "How bright values of PNGs end: clip, or film, which rolls them off (default: film in path)");
   c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo");
 }
 

@@ -37,6 +37,12 @@ Status ParseMode(const std::string& typed, View& view) {
                               nearest.empty() ? "" : fmt::format("; did you mean {}?", nearest)));
 }
 
+Status ParseTone(const std::string& text, ImageFormat& format) {
+  for (int curve = 0; curve < kToneCurves; ++curve)
+    if (text == kToneCurveNames[curve]) return format.tone = static_cast<ToneCurve>(curve), Status{};
+  return BadUsage(fmt::format("--tonemap is clip or film, not '{}'", text));
+}
+
 Status ParseAovs(const std::string& text, View& view) {
   view.aov_mask = 0;
   size_t at = 0;
@@ -74,6 +80,8 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
     }
   if (job.format.name == "exr" && Typed(a, "--exposure"))
     return refuse("--exposure", "on an EXR image, which holds radiance as it is");
+  if (job.format.name == "exr" && Typed(a, "--tonemap"))
+    return refuse("--tonemap", "on an EXR image, which holds radiance as it is");
   if (job.view.aov_mask != 0 && job.format.name != "exr") return BadUsage("--aov needs an .exr output");
   return {};
 }
@@ -101,6 +109,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (Typed(a, "--bounces")) view.bounces = a.bounces;
   if (Typed(a, "--sky")) view.sky = {glm::vec3(0), a.sky};
   if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
+  if (Typed(a, "--tonemap")) QUARRY_TRY(ParseTone(a.tonemap, job.format));
   if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));
   return {};
 }
@@ -285,6 +294,7 @@ Result<RenderJob> JobWithoutScene(const RenderArguments& a) {
     QUARRY_TRY(ReadViewFile(a.view_file(), glm::dvec3(0), description));
     job.view = std::move(description.view);
     job.format.exposure = description.format.exposure;
+    job.format.tone = description.format.tone;
   }
   QUARRY_TRY(ParseImage(a, job));
   if (!a.up_axis.empty()) {

@@ -33,6 +33,7 @@ struct RenderArguments {
   bool edges = false;     ///< if given: --edges or --no-edges
   uint64_t seed = 0;
   double exposure = 0;
+  std::string tonemap;
   std::string stats, master;
   double retry_s = 60;
   SecurityOptions security;

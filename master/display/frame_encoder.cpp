@@ -84,12 +84,12 @@ std::array<uint8_t, 3> ShownAt(const PictureRows& rows, size_t i, const ToneTabl
 
 }  // namespace
 
-ToneTable::ToneTable(double ev) : ev_(ev), gain_(Exp2(ev)) {
-  for (size_t c = 0; c < 3; ++c) backdrop_[c] = ShownByte(0, gain_, 0, c);
+ToneTable::ToneTable(double ev, ToneCurve curve) : ev_(ev), gain_(Exp2(ev)), curve_(curve) {
+  for (size_t c = 0; c < 3; ++c) backdrop_[c] = ShownByte(0, gain_, 0, c, curve);
   for (uint32_t exponent = 0; exponent < 32; ++exponent)
     for (uint32_t mantissa = 0; mantissa < 512; ++mantissa) {
       const auto linear = static_cast<double>(UnpackShared(exponent << 27 | mantissa).x) * gain_;
-      values_[exponent << 9 | mantissa] = static_cast<uint8_t>(EncodeSrgb(linear) * 255 + 0.5);
+      values_[exponent << 9 | mantissa] = static_cast<uint8_t>(EncodeSrgb(Toned(curve, linear)) * 255 + 0.5);
     }
 }
 
@@ -97,7 +97,7 @@ std::array<uint8_t, 3> ToneTable::BeforeBackdrop(uint32_t code, uint8_t coverage
   const glm::vec3 radiance = UnpackShared(code);
   std::array<uint8_t, 3> shown{};
   for (size_t c = 0; c < 3; ++c)
-    shown[c] = ShownByte(radiance[static_cast<int>(c)], gain_, static_cast<float>(coverage) / 255, c);
+    shown[c] = ShownByte(radiance[static_cast<int>(c)], gain_, static_cast<float>(coverage) / 255, c, curve_);
   return shown;
 }
 
@@ -182,11 +182,16 @@ Result<EncodedFrame> FrameEncoder::Encode(const DueFrame& frame, const SceneFact
   EncodedFrame encoded;
   const View& view = frame.wanted.view;
   if (!frame.exact.empty()) {
-    QUARRY_ASSIGN(Bytes png, EncodeImage(view, {"png"}, scene, frame.exposure, frame.exact));
+    const ImageFormat format{"png", {}, frame.wanted.tone};
+    QUARRY_ASSIGN(Bytes png, EncodeImage(view, format, scene, frame.exposure, frame.exact));
     encoded.stripes.push_back({0, view.height, 1, true, std::move(png)});
   } else {
-    if (!tone || tone->ev() != frame.exposure) tone.emplace(frame.exposure);
-    const uint32_t step = frame.scale, background = view.backdrop ? kUncovered : PackShared(view.background);
+    const double ev = frame.exposure - view.range;  // rows hold radiance times 2^range
+    const ToneCurve curve = ToneOf({"", {}, frame.wanted.tone}, view.mode);
+    if (!tone || !tone->Is(ev, curve)) tone.emplace(ev, curve);
+    const uint32_t step = frame.scale;
+    const uint32_t background =
+        view.backdrop ? kUncovered : PackShared(view.background * std::ldexp(1.0f, view.range));
     for (const PictureRows& rows : frame.rows) {
       const auto small = [step](uint32_t length) { return (length + step - 1) / step; };
       if (step == 1)

@@ -14,13 +14,14 @@
 
 namespace quarry {
 
-/// A table from shared-exponent codes to 8 bits of sRGB for one exposure, the same bits as in PNGs. Uncovered
+/// A table from shared-exponent codes to 8 bits of sRGB for one exposure and tone curve, the same bits as in
+/// PNGs. Uncovered
 /// pixels show kBackdrop. Immutable.
 class ToneTable {
  public:
   /// `ev`: exposure.
-  explicit ToneTable(double ev);
-  double ev() const { return ev_; }
+  explicit ToneTable(double ev, ToneCurve curve = ToneCurve::kClip);
+  bool Is(double ev, ToneCurve curve) const { return ev == ev_ && curve == curve_; }
   /// The three channels of a code from PackShared().
   std::array<uint8_t, 3> operator()(uint32_t code) const {
     if (code == kUncovered) return backdrop_;
@@ -37,6 +38,7 @@ class ToneTable {
   std::array<uint8_t, 3> BeforeBackdrop(uint32_t code, uint8_t coverage) const;
 
   double ev_, gain_;
+  ToneCurve curve_;
   std::array<uint8_t, 3> backdrop_;
   std::array<uint8_t, size_t{32} * 512> values_;  ///< by exponent and mantissa
 };

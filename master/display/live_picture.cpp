@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 
+#include "common/engine/film/mean_color.h"
 #include "common/math/shared_exponent.h"
 
 namespace quarry {
@@ -83,9 +84,12 @@ void LivePicture::PutSums(const Tile& tile, std::span<const std::byte> pixels) {
   samples_ = samples;
 }
 
-std::vector<uint32_t> LivePicture::Means() const {
-  std::vector<uint32_t> words(sums_.size());
-  for (size_t i = 0; i < words.size(); ++i) words[i] = std::bit_cast<uint32_t>(sums_[i].Mean(samples_));
+std::vector<uint32_t> LivePicture::Means(int range) const {
+  std::vector<uint32_t> words;
+  words.reserve(sums_.size());
+  const MeanColor mean(samples_, range);
+  for (size_t i = 0; i < sums_.size(); i += kColorWords)
+    for (const float channel : mean(&sums_[i])) words.push_back(std::bit_cast<uint32_t>(channel));
   return words;
 }
 

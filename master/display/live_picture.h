@@ -21,8 +21,8 @@ struct PictureRows {
   uint32_t height() const { return static_cast<uint32_t>(codes.size() / width); }
 };
 
-/// The pixels of a watched view while it is traced: first colours to show, then exact sums of samples.
-/// Records which rows have changed since they were taken. Not thread-safe.
+/// The pixels of a watched view, times 2^range of the view, while it is traced: first colours to show, then
+/// exact sums of samples. Records which rows have changed since they were taken. Not thread-safe.
 class LivePicture {
  public:
   /// Bytes that a pixel takes here, with sums and two copies of rows.
@@ -48,9 +48,9 @@ class LivePicture {
   uint64_t waiting() const { return waiting_; }
   /// The number of samples in every pixel's sum.
   uint32_t samples() const { return samples_; }
-  /// The colour as float32 means of samples() samples, as EncodeImage() takes them. Requires: samples() > 0,
-  /// and no pixel has more.
-  std::vector<uint32_t> Means() const;
+  /// The colour as float32 means of samples() samples, as EncodeImage() takes them. `range`: the view's.
+  /// Requires: samples() > 0, and no pixel has more.
+  std::vector<uint32_t> Means(int range) const;
   /// Codes of all pixels, row by row.
   const std::vector<uint32_t>& codes() const { return codes_; }
   /// Whether a tile has waiting pixels.

@@ -1,6 +1,7 @@
 #include "master/display/view_pacer.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "common/math/shared_exponent.h"
@@ -41,7 +42,7 @@ uint64_t PointsOf(const View& view, uint32_t step) {
 
 /// The exposure from the covered pixels so far; pixels in the background's colour do not count as surfaces.
 double GuessExposure(const LivePicture& picture, const View& view) {
-  const uint32_t background = PackShared(view.background);
+  const uint32_t background = PackShared(view.background * std::ldexp(1.0f, view.range));
   std::vector<MeteredPoint> points;
   std::vector<uint32_t> colored;
   std::ranges::copy_if(picture.codes(), std::back_inserter(colored),
@@ -51,7 +52,7 @@ double GuessExposure(const LivePicture& picture, const View& view) {
     points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,
                       std::max({color.x, color.y, color.z}), colored[i] != background});
   }
-  return ExposureFor(points);
+  return ExposureFor(points) + view.range;
 }
 
 }  // namespace
@@ -66,10 +67,10 @@ void ViewPacer::Want(WantedView wanted, double now_s) {
   }
   // The same rays: at most its tones change.
   pending_.reset();
-  const bool other_exposure = wanted.exposure != wanted_.exposure;
+  const bool other_tones = wanted.exposure != wanted_.exposure || wanted.tone != wanted_.tone;
   wanted_ = std::move(wanted);
   // The same view, requested again at rest, is answered by a frame with its new input number.
-  if (!other_exposure && (wanted_.moving || stage_ != Stage::kExact)) return;
+  if (!other_tones && (wanted_.moving || stage_ != Stage::kExact)) return;
   picture_.Renew();
   sent_.exact = false;
   if (stage_ == Stage::kExact) Enter(Stage::kSamples, now_s);  // whose exposure may be missing
@@ -92,7 +93,7 @@ bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, do
     AddMeteredPoints(pixels, materials_, exposure_.points);
     if (dispatcher_.Wants(*exposure_.meter, LiveUrgency::kAnswer)) return true;
     dispatcher_.End(*std::exchange(exposure_.meter, std::nullopt));
-    exposure_.own = exposure_.last = ExposureFor(exposure_.points);
+    exposure_.own = exposure_.last = ExposureFor(exposure_.points, wanted_.view.range);
     exposure_.last_mode = wanted_.view.mode;
     picture_.Renew();
     return true;
@@ -159,8 +160,8 @@ ViewPacer::Stage ViewPacer::Next(double now_s) const {
       return fine || lattice_.step == 1 ? Stage::kFill : Stage::kRefine;
     }
     case Stage::kFill: {
-      const bool filled =
-          picture_.waiting() == 0 || now_s - holes_.fewer_s > kStuckS || now_s - rest_s_ > kMostFillS;
+      const bool filled = InfoOf(wanted_.view.mode).bounces || picture_.waiting() == 0 ||
+                          now_s - holes_.fewer_s > kStuckS || now_s - rest_s_ > kMostFillS;
       return filled && rests ? Stage::kSamples : Stage::kFill;
     }
     case Stage::kSamples: {
@@ -183,6 +184,11 @@ void ViewPacer::Enter(Stage stage, double now_s) {
     lattice_ = {.step = step, .first_step = step};
     holes_.tiles.clear();
     TraceLattice(step, 0, 0, LiveUrgency::kMotion);
+  }
+  if (stage == Stage::kSamples && !sums_) {
+    dispatcher_.End(frame_);
+    frame_ = dispatcher_.Begin(viewer_, wanted_.view);
+    sums_ = true;
   }
   if (stage == Stage::kRefine) {
     NoteTime(traced_s_ - begun_s_, PointsOf(wanted_.view, lattice_.step));
@@ -224,7 +230,9 @@ void ViewPacer::Begin(double now_s) {
   exposure_.own.reset();
   came_s_ = pending_->came_s;
   wanted_ = std::exchange(pending_, std::nullopt)->wanted;
-  frame_ = dispatcher_.Begin(viewer_, wanted_.view);
+  const View traced = TracedView();
+  sums_ = traced == wanted_.view;
+  frame_ = dispatcher_.Begin(viewer_, traced);
   picture_.Open(wanted_.view.width, wanted_.view.height);
   sent_.any = sent_.exact = false;
   begun_s_ = traced_s_ = now_s;
@@ -247,6 +255,13 @@ void ViewPacer::NoteTime(double seconds, uint64_t points) {
   const double tracing_s = std::max({seconds - kLatticeS, seconds / 4, 1e-6});
   const double point_s = tracing_s / static_cast<double>(std::max<uint64_t>(points, 1));
   point_s_ = point_s_ == 0 ? point_s : point_s_ + kNewTime * (point_s - point_s_);
+}
+
+/// The view as it is traced until it rests: where light bounces, without bounces.
+View ViewPacer::TracedView() const {
+  View view = wanted_.view;
+  if (InfoOf(view.mode).bounces) view.bounces = 0;
+  return view;
 }
 
 void ViewPacer::TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency) {
@@ -281,6 +296,7 @@ void ViewPacer::Refine(double now_s) {
 /// Traces tiles with waiting pixels again.
 void ViewPacer::Fill(double now_s) {
   if (now_s < rest_s_) Wake(rest_s_);
+  if (InfoOf(wanted_.view.mode).bounces) return;  // the samples fill them
   if (picture_.waiting() == 0 || dispatcher_.Wants(frame_, LiveUrgency::kMotion)) return;
   if (now_s < holes_.refill_s) return Wake(holes_.refill_s);
   holes_.refill_s = now_s + kRefillS;
@@ -297,13 +313,15 @@ void ViewPacer::Meter() {
   dispatcher_.Trace(*exposure_.meter, MeteredTile(view), LiveUrgency::kAnswer);
 }
 
-/// One sample first, then three times as many as there are: few ranges, and an early picture.
+/// One sample first, then three times as many as there are, unless that takes long: few ranges, and an early
+/// picture.
 void ViewPacer::TraceSamples() {
   const uint32_t have = picture_.samples(), all = wanted_.view.spp;
   if (have == all || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
   Tile area{wanted_.view.crop};
   area.first_sample = have;
-  area.samples = std::min({std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_), all - have});
+  area.samples =
+      std::min({std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_, picture_.pixels()), all - have});
   area.form = PixelForm::kSums;
   dispatcher_.Trace(frame_, area, LiveUrgency::kRest);
 }
@@ -339,7 +357,7 @@ std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
   due.trace_s = traced_s_ - begun_s_;
   due.in_motion = now_s < rest_s_ || pending_.has_value();
   if (stage_ == Stage::kExact) {
-    due.exact = picture_.Means();
+    due.exact = picture_.Means(wanted_.view.range);
     sent_.exact = true;
   } else {
     if (!sent_.any) picture_.Renew();

@@ -19,7 +19,8 @@ struct WantedView {
   std::optional<double> exposure;  ///< EV; none: automatic
   uint64_t input = 0;              ///< the viewer's number and clock, which frames repeat
   double time_ms = 0;
-  bool moving = false;  ///< more views follow at once
+  bool moving = false;                 ///< more views follow at once
+  std::optional<ToneCurve> tone = {};  ///< none: the mode's
 };
 
 /// A viewer's settings for its views.
@@ -57,7 +58,8 @@ struct DueFrame {
 /// - The newest view wins. It begins when a frame of the earlier view has been sent.
 /// - A lattice of sample 0 comes first, of each 16th to every pixel a side, as fine as the frame rate allows.
 /// It is sent when it is complete. When it is late, the coarsest one is traced before all else and sent.
-/// - Then the lattice is refined, and pixels that wait for blocks are traced again.
+/// - Then the lattice is refined, and pixels that wait for blocks are traced again. Where light bounces, all
+/// this shows light that has not bounced, and no pixel is traced again.
 /// - 150 ms after the last input, at once if it ends a motion, the exposure is metered, and samples
 /// accumulate as exact sums. The last frame is the picture of `quarry render --view`.
 /// - A viewer that does not acknowledge frames costs no tracing.
@@ -128,6 +130,7 @@ class ViewPacer {
   void Begin(double now_s);
   uint32_t ChooseStep() const;
   void NoteTime(double seconds, uint64_t points);
+  View TracedView() const;
   void TraceLattice(uint32_t step, uint32_t phase_x, uint32_t phase_y, LiveUrgency urgency);
   void Hurry(double now_s);
   void Refine(double now_s);
@@ -185,7 +188,8 @@ class ViewPacer {
 
   Stage stage_ = Stage::kNone;
   WantedView wanted_;  ///< the view that is traced
-  FrameId frame_ = 0;  ///< its frame; none in kNone
+  FrameId frame_ = 0;  ///< of its tiles; none in kNone. Another one from kSamples on where light bounces
+  bool sums_ = false;  ///< the frame may have sums of samples: it is of the view as wanted
   LivePicture picture_;
   double came_s_ = 0, begun_s_ = 0, traced_s_ = 0;  ///< when it arrived, was begun, and got its last tile
   Lattice lattice_;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/size.h"
+#include "common/engine/integrators/path/light_range.h"
 
 namespace quarry {
 namespace {
@@ -268,6 +269,7 @@ Status Viewer::OnView(WantedView wanted) {
         FormatSize(memory.most)));
   if (const Status known = site_.selections.Complete(wanted.view); !known)
     return Refuse(known.error().message), Status{};
+  wanted.view.range = RangeOf(wanted.view, site_.scene.catalog());
   memory.largest = std::max(memory.largest, pixels);
   Charge(std::max(pixels, pacer_.held_pixels()));
   newest_ = wanted.view;

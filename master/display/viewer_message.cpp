@@ -26,6 +26,7 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
                                         const glm::dvec3& offset) {
   ViewDescription description = defaults;
   description.format.exposure.reset();
+  description.format.tone.reset();
   QUARRY_ASSIGN(const auto lights, object.Optional("lights"));
   if (lights) {  // instead of the default ones, and of the sky that belongs to them
     description.view.lights.clear();
@@ -66,6 +67,7 @@ Result<WantedView> ReadWanted(const JsonValue& json, const ViewDescription& defa
   QUARRY_ASSIGN(ViewDescription description, ReadDescription(object, defaults, offset));
   wanted.view = std::move(description.view);
   wanted.exposure = description.format.exposure;
+  wanted.tone = description.format.tone;
   const View& view = wanted.view;
   if (std::max(view.width, view.height) > kMostSide)
     return object.Wrong(fmt::format("is more than {} pixels wide or high", kMostSide));
@@ -87,7 +89,10 @@ Result<SaveMessage> ReadSave(const JsonValue& json, const ViewDescription& defau
   QUARRY_ASSIGN(ViewDescription description, ReadDescription(*object, defaults, offset));
   QUARRY_TRY(Normalize(*object, description.view));
   const CameraSpec camera = description.view.camera;
-  message.job = RenderJob{std::move(description.view), {camera}, 0, {"png", description.format.exposure}};
+  message.job = RenderJob{std::move(description.view),
+                          {camera},
+                          0,
+                          {"png", description.format.exposure, description.format.tone}};
   return message;
 }
 

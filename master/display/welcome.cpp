@@ -20,7 +20,7 @@ ordered_json Triple(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 ordered_json CameraOf(const CameraSpec& camera, const glm::dvec3& offset) {
   View view;
   view.camera = camera;
-  return ViewToJson(view, std::nullopt, offset)["camera"];
+  return ViewToJson(view, {}, offset)["camera"];
 }
 
 ordered_json NamedViews(const SceneSummary& scene) {
@@ -52,7 +52,7 @@ ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& s
   View view = defaults.view;
   view.up_axis = Turned(scene).framing.up_axis;
   TurnDefaultSun(view);
-  return ViewToJson(view, std::nullopt, scene.offset)["lights"];
+  return ViewToJson(view, {}, scene.offset)["lights"];
 }
 
 /// Whether mode path leaves the default sun out.
@@ -95,7 +95,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"shines", DropsSun(defaults)},
                          {"cameras", std::move(cameras)}}},
                        {"modes", Modes()},
-                       {"view", ViewToJson(defaults.view, std::nullopt, scene.offset)},
+                       {"view", ViewToJson(defaults.view, {}, scene.offset)},
                        {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};
   return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }

@@ -5,6 +5,7 @@
 #include "common/base/size.h"
 #include "master/jobs/job.h"
 #include "master/pictures/image_output.h"
+#include "master/schedule/tile_ranges.h"
 
 namespace quarry {
 namespace {
@@ -24,7 +25,8 @@ uint64_t FrameBytes(const View& view, const ImageFormat& format) {
   const uint64_t tiles = uint64_t{(view.crop.width + kTileSize - 1) / kTileSize} *
                          ((view.crop.height + kTileSize - 1) / kTileSize);
   return Pixels(view) * 4 * WordsPerPixel(view.aov_mask) + 2 * EncodedBytes(view, format) +
-         tiles * kTileBytes + std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes;
+         tiles * kTileBytes + std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes +
+         (view.spp == 1 ? 0 : std::min<uint64_t>(tiles, TileRanges::kMostBegun) * TileRanges::kSumBytes);
 }
 
 uint64_t JobBytes(size_t frames) {

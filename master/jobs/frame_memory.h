@@ -10,8 +10,8 @@
 namespace quarry {
 
 /// Upper bound on the bytes that a frame takes of the master, from its beginning until its client has it:
-/// pixels, its tiles' records, and the encoded image twice, kept and queued. Does not overflow: 65,536
-/// squared pixels with all layers are 2^38 bytes. Requires: `view` is normalized.
+/// pixels, its tiles' records and sums, and the encoded image twice, kept and queued. Does not overflow:
+/// 65,536 squared pixels with all layers are 2^38 bytes. Requires: `view` is normalized.
 uint64_t FrameBytes(const View& view, const ImageFormat& format);
 /// Bytes that a job of `frames` frames takes while it is kept.
 uint64_t JobBytes(size_t frames);

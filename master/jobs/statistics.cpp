@@ -47,6 +47,8 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["rays"] = frame.counts().rays;
   j["rays_suspended"] = frame.counts().rays_suspended;
   j["leases_lost"] = frame.counts().leases_lost;
+  j["saturated_terms"] = frame.counts().saturated;
+  j["nan_terms"] = frame.counts().not_numbers;
   j["voxel_bytes_served"] = times.voxel_bytes_served;
   j["master_peak_rss_bytes"] = PeakResidentBytes();
   j["workers"] = nlohmann::ordered_json::array();

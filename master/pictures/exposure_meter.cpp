@@ -56,7 +56,8 @@ void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Materia
   }
 }
 
-double ExposureFor(std::span<const MeteredPoint> points) {
+double ExposureFor(std::span<const MeteredPoint> points, int range) {
+  const double least = std::ldexp(1e-6, -range);
   std::vector<double> logarithms;
   std::vector<float> largest;
   const auto is_lit = [](const MeteredPoint& p) { return p.surface && !p.emits && p.luminance > 0; };
@@ -65,7 +66,7 @@ double ExposureFor(std::span<const MeteredPoint> points) {
     if (point.emits && others) continue;
     largest.push_back(point.largest);
     if (point.surface && point.luminance > 0)
-      logarithms.push_back(Log2(std::max(static_cast<double>(point.luminance), 1e-6)));
+      logarithms.push_back(Log2(std::max(static_cast<double>(point.luminance), least)));
   }
   if (logarithms.empty()) return 0;
   std::ranges::sort(logarithms);  // one order of the sum, whatever the order of points
@@ -75,8 +76,8 @@ double ExposureFor(std::span<const MeteredPoint> points) {
       largest.begin() + static_cast<std::ptrdiff_t>(largest.size() - 1 - largest.size() / kClippedOf);
   std::ranges::nth_element(largest, bright);
   const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
-                             -Log2(std::max(static_cast<double>(*bright), 1e-6)));
-  return std::clamp(std::floor(ev * 64) / 64, -16.0, 16.0);
+                             -Log2(std::max(static_cast<double>(*bright), least)));
+  return std::clamp(std::floor(ev * 64) / 64, -16.0 + range, 16.0 + range);
 }
 
 Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
@@ -92,7 +93,7 @@ Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes
       std::move(stop)));
   std::vector<MeteredPoint> points;
   AddMeteredPoints(pixels, scene.catalog().materials, points);
-  return ExposureFor(points);
+  return ExposureFor(points, view.range);
 }
 
 }  // namespace quarry

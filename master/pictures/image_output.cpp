@@ -23,13 +23,14 @@
 namespace quarry {
 namespace {
 
-/// Linear values to 8 bits, sRGB: as by EncodeSrgb, but from a table.
+/// Linear values to 8 bits, sRGB: as by Toned and EncodeSrgb, but from a table.
 class SrgbEncoder {
  public:
-  explicit SrgbEncoder(double exposure) {
+  SrgbEncoder(double exposure, ToneCurve curve) {
     const double gain = Exp2(exposure);
     const auto encode = [&](uint32_t bits) {
-      return static_cast<int>(EncodeSrgb(static_cast<double>(std::bit_cast<float>(bits)) * gain) * 255 + 0.5);
+      const double linear = static_cast<double>(std::bit_cast<float>(bits)) * gain;
+      return static_cast<int>(EncodeSrgb(Toned(curve, linear)) * 255 + 0.5);
     };
     // Positive floats are ordered as their bits are.
     const uint32_t infinity = std::bit_cast<uint32_t>(std::numeric_limits<float>::infinity());
@@ -73,7 +74,7 @@ struct PngWriter {
   ~PngWriter() { png_destroy_write_struct(&png, &info); }
 };
 
-void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, double ev,
+void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, double ev, ToneCurve curve,
                const SrgbEncoder& encode) {
   const size_t words = WordsPerPixel(view.aov_mask);
   const double gain = Exp2(ev);
@@ -81,8 +82,9 @@ void WriteRows(PngWriter& writer, const View& view, const uint32_t* pixel, doubl
     for (size_t x = 0; x < writer.row.size(); x += 3, pixel += words) {
       const float coverage = std::bit_cast<float>(pixel[3]);
       for (size_t c = 0; c < 3; ++c)
-        writer.row[x + c] =
-            coverage == 1 ? encode(pixel[c]) : ShownByte(std::bit_cast<float>(pixel[c]), gain, coverage, c);
+        writer.row[x + c] = coverage == 1
+                                ? encode(pixel[c])
+                                : ShownByte(std::bit_cast<float>(pixel[c]), gain, coverage, c, curve);
     }
     png_write_row(writer.png, writer.row.data());
   }
@@ -120,8 +122,10 @@ std::vector<std::pair<std::string, std::string>> TextsOf(const View& view, const
 Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const SceneFacts& scene, double ev,
                         const std::vector<uint32_t>& pixels) {
   // Its table takes as long to make as a small picture: it is kept from frame to frame.
-  thread_local std::optional<std::pair<double, SrgbEncoder>> kept;
-  if (!kept || kept->first != ev) kept.emplace(ev, SrgbEncoder(ev));
+  const ToneCurve curve = ToneOf(format, view.mode);
+  thread_local std::optional<std::pair<std::pair<double, ToneCurve>, SrgbEncoder>> kept;
+  if (const std::pair wanted(ev, curve); !kept || kept->first != wanted)
+    kept.emplace(wanted, SrgbEncoder(ev, curve));
   const SrgbEncoder& encode = kept->second;
   Bytes file;
   // Pages that nothing is written to take no memory; the copies of a growing file would.
@@ -140,7 +144,7 @@ Result<Bytes> EncodePng(const View& view, const ImageFormat& format, const Scene
   png_set_filter(writer.png, 0, PNG_FILTER_UP);
   PutText(writer, TextsOf(view, scene, ev));
   png_write_info(writer.png, writer.info);
-  WriteRows(writer, view, pixels.data(), ev, encode);
+  WriteRows(writer, view, pixels.data(), ev, curve, encode);
   png_write_end(writer.png, nullptr);
   return file;
 }

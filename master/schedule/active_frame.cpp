@@ -1,15 +1,26 @@
 #include "master/schedule/active_frame.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace quarry {
 namespace {
 
-/// Seconds to trace a sample, before any tile is done. Trades balance of a first frame's tiles (too little)
-/// against balance of the bytes to fetch for them (too much). `quarry bench simulate`, history.md 2026-11-26.
-constexpr double kGuessedSampleS = 1e-6;
 constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one sample a pixel
+
+/// Adds the depths and, `with_blocks`, the blocks of a result to its tile's footprint. Returns how many
+/// blocks are new.
+size_t AddResult(const TileDone& done, bool with_blocks, TileFootprint& trace) {
+  trace.depths.resize(done.depths.size(), 0);
+  for (size_t i = 0; i < done.depths.size(); ++i) trace.depths[i] = std::max(trace.depths[i], done.depths[i]);
+  if (!with_blocks) return 0;
+  const size_t before = trace.blocks.size();
+  std::vector<uint32_t> all;
+  std::ranges::set_union(trace.blocks, done.blocks, std::back_inserter(all));
+  trace.blocks = std::move(all);
+  return trace.blocks.size() - before;
+}
 
 }  // namespace
 
@@ -59,7 +70,22 @@ std::vector<uint32_t> ActiveFrame::Holders() const {
 
 double ActiveFrame::CostOf(size_t tile) const {
   // An unknown tile costs the mean of the others.
-  return tile_s_ + (expected_[tile].cost_s > 0 ? expected_[tile].cost_s : usual_cost_s_);
+  return tile_s_ + (expected_[tile].cost_s > 0 ? expected_[tile].cost_s : usual_cost_s_) *
+                       ranges_.left(static_cast<uint32_t>(tile));
+}
+
+/// Expected seconds of a sample of all the tile's pixels: as its earlier ranges took, else as expected of it,
+/// else as other tiles took, else a guess.
+double ActiveFrame::SampleCost(uint32_t tile) const {
+  if (ranges_.begun(tile)) return traces_[tile].cost_s / ((1 - ranges_.left(tile)) * view_.spp);
+  if (expected_[tile].cost_s > 0) return expected_[tile].cost_s / view_.spp;
+  if (samples_ > 0) return counts_.computed_s / static_cast<double>(samples_);
+  return InfoOf(view_.mode).sample_s * kTileSamples;
+}
+
+/// Whether the tile, or the range of it that was leased, is done.
+bool ActiveFrame::IsOver(uint32_t tile, const TileLease& lease) const {
+  return tile_done_[tile] || lease.number < ranges_.first_lease(tile);
 }
 
 void ActiveFrame::AddPromised(std::map<uint32_t, BlockSet>& holds, std::map<uint32_t, double>& busy_s) const {
@@ -87,8 +113,8 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
       known_s += trace.cost_s;
       ++known;
     }
-  usual_cost_s_ =
-      known > 0 ? known_s / static_cast<double>(known) : kGuessedSampleS * kTileSamples * view_.spp;
+  usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known)
+                            : InfoOf(view_.mode).sample_s * kTileSamples * view_.spp;
   tile_s_ = costs.tile_s;
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
@@ -105,42 +131,59 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   Snapshot s;
   s.workers = std::move(workers);
   s.now_s = now_s;
-  // A straggler takes four times as long as the mean tile here.
-  if (tiles_done_ > 0) s.straggler_after_s = std::max(s.straggler_after_s, 4 * tile_time_s_ / tiles_done_);
+  // A straggler takes four times as long as the mean result here.
+  if (results_ > 0) s.straggler_after_s = std::max(s.straggler_after_s, 4 * result_time_s_ / results_);
   s.tiles.resize(tile_done_.size());
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
-    s.tiles[t].owner = plan_[t];
+    s.tiles[t].begun = ranges_.begun(static_cast<uint32_t>(t));
+    s.tiles[t].owner = s.tiles[t].begun ? owners_[t] : plan_[t];
     s.tiles[t].cost_s = CostOf(t);
   }
-  leases_.ForEach([&](uint32_t tile, const TileLease&) { s.tiles[tile].held = true; });
+  leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
+    if (!IsOver(tile, lease)) s.tiles[tile].held = true;
+  });
   s.leases = &leases_;
   return s;
 }
 
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
-  return {id_, a.tile, leases_.Give(a.tile, a.worker, now_s), {image_.tiles()[a.tile]}, {}, {}};
+  const Tile next = ranges_.Next(a.tile, image_.tiles()[a.tile], SampleCost(a.tile));
+  return {id_, a.tile, leases_.Give(a.tile, a.worker, now_s, next), next, {}, {}};
 }
 
 Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s) {
   if (done.frame != id_) return false;
   const auto lease = leases_.End(done.tile, done.lease);
-  if (!lease || tile_done_[done.tile]) return false;
+  if (!lease || IsOver(done.tile, *lease)) return false;
   const PixelRect& tile = image_.tiles()[done.tile];
   if (done.depths.size() != size_t{DepthCells(tile.width)} * DepthCells(tile.height))
     return Fail("a tile has another number of depths than of cells");
-  QUARRY_TRY(image_.Put(done.tile, pixels));
+  bool all = true;
+  if (lease->area.form == PixelForm::kSums) {
+    QUARRY_ASSIGN(all, ranges_.Add(done.tile, lease->area, pixels, leases_.next()));
+    if (all) QUARRY_TRY(image_.Put(done.tile, ranges_.Take(done.tile)));
+  } else {
+    QUARRY_TRY(image_.Put(done.tile, pixels));
+  }
   owners_[done.tile] = lease->worker;
-  tile_done_[done.tile] = true;
-  if (tiles_done_++ == 0) first_tile_s_ = now_s;
-  tile_time_s_ += now_s - lease->since_s;
+  if (all) {
+    tile_done_[done.tile] = true;
+    if (tiles_done_++ == 0) first_tile_s_ = now_s;
+  }
+  ++results_;
+  result_time_s_ += now_s - lease->since_s;
   counts_.rays += done.rays;
   counts_.rays_suspended += done.rays_suspended;
-  TileFootprint& trace = traces_[done.tile];
+  counts_.saturated += done.saturated;
+  counts_.not_numbers += done.not_numbers;
+  samples_ += lease->area.samples_of(view_.spp);
   const double cost_s = std::min(static_cast<double>(done.compute_us) * 1e-6, now_s - lease->since_s);
-  trace = {{}, {}, done.depths, cost_s, true};
-  traced_ += done.blocks.size();
-  if (traced_ <= kMostTraced) trace.blocks = done.blocks;
+  counts_.computed_s += cost_s;
+  TileFootprint& trace = traces_[done.tile];
+  trace.cost_s += cost_s;
+  traced_ += AddResult(done, traced_ < kMostTraced, trace);
+  trace.known = all;
   return true;
 }
 
@@ -148,7 +191,7 @@ void ActiveFrame::Forget(uint32_t worker) { counts_.leases_lost += leases_.Forge
 
 void ActiveFrame::AddOutdone(std::set<uint32_t>& workers) const {
   leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
-    if (tile_done_[tile]) workers.insert(lease.worker);
+    if (IsOver(tile, lease)) workers.insert(lease.worker);
   });
 }
 

@@ -16,6 +16,7 @@
 #include "master/schedule/footprint.h"
 #include "master/schedule/leases.h"
 #include "master/schedule/scheduler.h"
+#include "master/schedule/tile_ranges.h"
 
 namespace quarry {
 
@@ -29,7 +30,10 @@ struct PlanCosts {
 /// The counters of a frame's statistics.
 struct FrameCounts {
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t leases_lost = 0;  ///< with their workers
+  uint64_t leases_lost = 0;                 ///< with their workers
+  uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums, see FilmFaults
+  /// Computing of all results. Of each at most the time since its lease, whatever the worker reports.
+  double computed_s = 0;
 };
 
 /// A frame under way: its plan, its leases, the footprints of its tiles, and its pixels.
@@ -84,19 +88,17 @@ class ActiveFrame {
   /// The input of Schedule(). Valid until a lease is given or ends.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
   TileOrder Lease(const Assignment& assignment, double now_s);
-  /// A result. False: dropped, since the frame or the lease is unknown or the tile is done.
+  /// A result: of a tile, or of a range of its samples (TileRanges). False: dropped, since the frame or the
+  /// lease is unknown, or the tile or the range is there.
   /// Errors: pixels or depths that do not fit the tile.
   Result<bool> Finish(const TileDone& done, std::span<const std::byte> pixels, double now_s);
   /// Ends the worker's leases.
   void Forget(uint32_t worker);
-  /// Adds the workers that hold a tile which another worker has finished.
+  /// Adds the workers that hold a tile, or a range of it, which another worker has finished.
   void AddOutdone(std::set<uint32_t>& workers) const;
   /// Adds, by worker, the number of tiles leased to it.
   void AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const;
-  /// Seconds that computing the tile took; 0 while it is not done. At most the time since its lease, whatever
-  /// the worker reports.
-  double ShownCost(uint32_t tile) const { return traces_[tile].cost_s; }
-  /// The worker that rendered each tile; kNoWorker while it is not done.
+  /// The worker that rendered each tile, or its newest range; kNoWorker before any.
   const std::vector<uint32_t>& owners() const { return owners_; }
 
  private:
@@ -112,6 +114,8 @@ class ActiveFrame {
   /// The worker that has, or had, each tile; kNoWorker: none yet.
   std::vector<uint32_t> Holders() const;
   double CostOf(size_t tile) const;
+  double SampleCost(uint32_t tile) const;
+  bool IsOver(uint32_t tile, const TileLease& lease) const;
 
   FrameId id_;
   View view_;
@@ -127,10 +131,13 @@ class ActiveFrame {
   std::shared_ptr<const ProbedFrame> coarse_;
   bool has_news_ = false;  ///< coarse_ has come since the last prediction
   std::vector<bool> tile_done_;
+  TileRanges ranges_{view_};
   Leases leases_;  ///< of tiles done, too, until their holders answer
   double first_tile_s_ = 0;
   uint32_t tiles_done_ = 0;
-  double tile_time_s_ = 0;  ///< from lease to result, summed over tiles done
+  uint32_t results_ = 0;
+  double result_time_s_ = 0;  ///< from lease to result, summed over results
+  uint64_t samples_ = 0;      ///< of tiles, in all results
   FrameCounts counts_;
 };
 

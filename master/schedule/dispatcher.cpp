@@ -145,13 +145,14 @@ Result<bool> Dispatcher::Finish(WorkerState& worker, const TileDone& done, std::
                                 double now_s) {
   const auto it = frames_.find(done.frame);
   bool kept = false;
+  const double computed_s = it == frames_.end() ? 0 : it->second->counts().computed_s;
   if (it != frames_.end()) {
     QUARRY_ASSIGN(kept, it->second->Finish(done, pixels, now_s));
   }
   worker.tiles += kept;
   worker.responsiveness.Answered(kept);
   if (!kept) return false;
-  tile_cost_.Done(it->second->ShownCost(done.tile));
+  tile_cost_.Done(it->second->counts().computed_s - computed_s);
   if (it->second->done()) FinishFrame(done.frame, now_s);
   return true;
 }

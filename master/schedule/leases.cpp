@@ -4,8 +4,8 @@
 
 namespace quarry {
 
-uint64_t Leases::Give(uint32_t tile, uint32_t worker, double now_s) {
-  by_tile_[tile].push_back({next_, worker, now_s});
+uint64_t Leases::Give(uint32_t tile, uint32_t worker, double now_s, const Tile& area) {
+  by_tile_[tile].push_back({next_, worker, now_s, area});
   ++size_;
   return next_++;
 }

@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "common/scene/tile.h"
+
 namespace quarry {
 
 /// Names a frame under way, in messages of this master only. Never used twice.
@@ -18,6 +20,7 @@ struct TileLease {
   uint64_t number = 0;
   uint32_t worker = 0;
   double since_s = 0;
+  Tile area;  ///< what was ordered; of a job's frame
 };
 
 /// Workers that may hold a tile of a watched frame, or a ray.
@@ -29,7 +32,9 @@ inline constexpr size_t kMostLiveHolders = 4;
 class Leases {
  public:
   /// Leases a tile to a worker. Returns the lease's number, which the frame uses once.
-  uint64_t Give(uint32_t tile, uint32_t worker, double now_s);
+  uint64_t Give(uint32_t tile, uint32_t worker, double now_s, const Tile& area = {});
+  /// The number of the next lease.
+  uint64_t next() const { return next_; }
   /// Null: there is no such lease of the tile.
   const TileLease* Find(uint32_t tile, uint64_t number) const;
   /// Ends a lease. None: there is no such lease of the tile.

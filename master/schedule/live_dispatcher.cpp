@@ -13,6 +13,8 @@ namespace {
 constexpr double kTileS = 2e-3;
 /// Computing of the smallest tile of a range of samples: a viewer in motion waits for no longer one.
 constexpr double kRestTileS = 10e-3;
+/// Time of a range of samples of a whole picture.
+constexpr double kRestRangeS = 0.25;
 /// Tiles per thread, one begun and one queued: the next is there when one ends.
 constexpr uint32_t kTilesPerThread = 2;
 /// Seconds after which a held tile is given to an idle worker too, doubled with each holder. A tile that
@@ -118,10 +120,12 @@ void LiveDispatcher::Trace(FrameId id, const Tile& area, LiveUrgency urgency) {
     }
 }
 
-uint32_t LiveDispatcher::SamplesAtOnce(uint32_t viewer) const {
+uint32_t LiveDispatcher::SamplesAtOnce(uint32_t viewer, uint64_t pixels) const {
   const auto it = viewers_.find(viewer);
   const double point_s = it == viewers_.end() ? Viewer().point_s : it->second.point_s;
-  return static_cast<uint32_t>(std::clamp(kRestTileS / (point_s * kLeastSide * kLeastSide), 1.0, 65536.0));
+  const double of_tile = kRestTileS / (point_s * kLeastSide * kLeastSide);
+  const double of_picture = kRestRangeS * std::max(threads(), 1u) / (point_s * static_cast<double>(pixels));
+  return static_cast<uint32_t>(std::clamp(std::min(of_tile, of_picture), 1.0, 65536.0));
 }
 
 bool LiveDispatcher::Wants(FrameId id, LiveUrgency urgency) const {

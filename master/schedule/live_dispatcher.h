@@ -67,8 +67,9 @@ class LiveDispatcher {
   /// Wants `area` to be traced, in as many tiles as are worth it. Requires: the frame has not ended; the
   /// area's parts satisfy CheckTile().
   void Trace(FrameId frame, const Tile& area, LiveUrgency urgency);
-  /// The samples that a range should have at most, so that none of its tiles keeps others waiting for long.
-  uint32_t SamplesAtOnce(uint32_t viewer) const;
+  /// The samples that a range of so many pixels should have at most, so that none of its tiles keeps others
+  /// waiting for long, and the picture is shown again soon.
+  uint32_t SamplesAtOnce(uint32_t viewer, uint64_t pixels) const;
   /// Whether tiles of this urgency are wanted that have not been finished.
   bool Wants(FrameId frame, LiveUrgency urgency) const;
 

@@ -33,7 +33,11 @@ std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
     const TileView& tile = s.tiles[t];
     if (tile.done || tile.held) continue;
     const auto owner = index.find(tile.owner);
-    own[owner != index.end() ? owner->second : t * s.workers.size() / s.tiles.size()].push_back(t);
+    auto& its = own[owner != index.end() ? owner->second : t * s.workers.size() / s.tiles.size()];
+    if (tile.begun)
+      its.push_front(t);
+    else
+      its.push_back(t);
   }
   return own;
 }

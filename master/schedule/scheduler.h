@@ -78,6 +78,7 @@ std::vector<uint32_t> Plan(const PlanInput& input, SchedulingPolicy policy);
 struct TileView {
   bool done = false;
   bool held = false;           ///< under a lease
+  bool begun = false;          ///< some of its samples are there: it goes first
   uint32_t owner = kNoWorker;  ///< as planned
   double cost_s = 0;           ///< computing expected
 };

@@ -37,10 +37,10 @@ void ReadAsView(const std::string& path) {
   const Status status = ReadView(JsonValue(*json, path), glm::dvec3(1e3), read);
   if (!status && status.error().message.empty()) std::abort();
   if (!status || !NormalizeView(read.view)) return;
-  const std::string text = ViewToJson(read.view, read.format.exposure, glm::dvec3(1e3)).dump();
+  const std::string text = ViewToJson(read.view, read.format, glm::dvec3(1e3)).dump();
   const auto written = ParseJson<nlohmann::json>(text, path);
   if (!written || !ReadView(JsonValue(*written, path), glm::dvec3(1e3), again)) std::abort();
-  if (ViewToJson(again.view, again.format.exposure, glm::dvec3(1e3)).dump() != text) std::abort();
+  if (ViewToJson(again.view, again.format, glm::dvec3(1e3)).dump() != text) std::abort();
 }
 
 void ReadAsSummary(const std::string& path) {

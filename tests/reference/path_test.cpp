@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <numeric>
 
+#include "common/engine/integrators/path/light_range.h"
 #include "common/engine/integrators/path/path_tracer.h"
 #include "common/engine/renderer.h"
 #include "common/scene/material_json.h"
@@ -215,6 +216,36 @@ TEST_CASE("Suns, rectangles and skies light a matt plate as their closed forms s
     view.sky.radiance = glm::vec3(1.5f);
     CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 1.5).epsilon(2e-3));
   }
+}
+
+TEST_CASE("Noon and candlelight are the same picture by their brightness", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-50, -50, 0}, {100, 0, 0}, {0, 100, 0}, 0);
+  quads.Add({-1, 1, 0}, {2, 0, 0}, {0, 0, 2}, 0);
+  Material plate;
+  plate.diffuse = plate.base_color = glm::vec3(0.6f);
+  const Scene scene = quads.Made(folder, {plate});
+  View view = LookingAt({0, -2, 3}, {0, 0, 0}, 16, 16);
+  Light sun;
+  sun.vector = {0.6f, 0, 0.8f};
+  view.sky.radiance = glm::vec3(0.25f);
+  const auto picture = [&](int exponent) {
+    View scaled = view;
+    const float factor = std::ldexp(1.0f, exponent);
+    scaled.lights = {sun};
+    scaled.lights[0].radiance *= factor;
+    scaled.sky.radiance *= factor;
+    scaled.range = RangeOf(scaled, scene.catalog());
+    CHECK(scaled.range == -2 - exponent);  // the disc's radiance is 46,700 times the sun's
+    std::vector<double> values = Picture(scene, scaled);
+    for (double& value : values) value /= static_cast<double>(factor);
+    return values;
+  };
+  const std::vector<double> usual = picture(0);
+  CHECK(MeanOf(usual) > 0.1);
+  CHECK(picture(30) == usual);
+  CHECK(picture(-30) == usual);
 }
 
 TEST_CASE("Lights that vertices ask for and lights that paths meet give one picture", "[reference][path]") {

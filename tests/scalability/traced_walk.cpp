@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <fstream>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -24,11 +26,23 @@ std::vector<float> Depths(const Json& j) {
   return depths;
 }
 
+/// Adds a result to a tile, which has one for each range of its samples.
+void AddResult(const TracedWalk::Tile& result, TracedWalk::Tile& tile) {
+  tile.compute_s += result.compute_s;
+  tile.depths.resize(std::max(tile.depths.size(), result.depths.size()), 0);
+  for (size_t i = 0; i < result.depths.size(); ++i)
+    tile.depths[i] = std::max(tile.depths[i], result.depths[i]);
+  std::vector<uint32_t> blocks;
+  std::ranges::set_union(tile.blocks, result.blocks, std::back_inserter(blocks));
+  tile.blocks = std::move(blocks);
+}
+
 Status AddLine(const Json& j, Frames& frames) {
   auto& [view, tiles] = frames[j.at("frame").get<uint32_t>()];
   if (j.contains("tile")) {
-    tiles[j.at("tile").get<uint32_t>()] = {j.at("compute_us").get<double>() * 1e-6, Depths(j.at("depths")),
-                                           j.at("blocks").get<std::vector<uint32_t>>()};
+    AddResult({j.at("compute_us").get<double>() * 1e-6, Depths(j.at("depths")),
+               j.at("blocks").get<std::vector<uint32_t>>()},
+              tiles[j.at("tile").get<uint32_t>()]);
     return {};
   }
   const auto vector = [&](const char* key) {

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
+#include "common/engine/film/mean_color.h"
 #include "common/kdtree/locate.h"
 #include "common/math/shared_exponent.h"
 
@@ -22,6 +24,7 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
   sums_.assign(kColorWords * pixels, {});
   aovs_.assign((view.words - kColorWords) * pixels, 0);
   hits_ = {};
+  faults_ = {};
   edges_.Open(tile, view.view.edges && !tile.leaves_holes);
   holes_.assign(tile.leaves_holes ? pixels : 0, false);
 }
@@ -34,6 +37,13 @@ void TileFilm::OpenHits(size_t count) {
   holes_.clear();
   edges_.Open({}, false);
   hits_.assign(count, {});
+}
+
+void TileFilm::NoteFault(const glm::vec3& radiance) {
+  for (const float term : {radiance.x, radiance.y, radiance.z}) {
+    faults_.not_numbers += std::isnan(term);
+    faults_.saturated += term >= FixedRadiance::kMost;
+  }
 }
 
 void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& ray, const Hit& hit,
@@ -61,6 +71,7 @@ void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
   if (tile_.form == PixelForm::kShown) PutShown(view, result.pixels);
   result.holes = static_cast<uint32_t>(std::ranges::count(holes_, true));
   result.hits = std::exchange(hits_, {});
+  result.faults = faults_;
   result.depths = std::exchange(depths_, {});
 }
 
@@ -68,10 +79,10 @@ void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
   const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
   out.resize(pixels * context.words * 4);
   std::byte* to = out.data();
+  const MeanColor mean(context.view.spp, context.view.range);
   for (size_t p = 0; p < pixels; ++p) {
-    float color[kColorWords];
-    for (size_t c = 0; c < kColorWords; ++c) color[c] = sums_[kColorWords * p + c].Mean(context.view.spp);
-    std::memcpy(to, color, sizeof color);
+    const auto color = mean(&sums_[kColorWords * p]);
+    std::memcpy(to, color.data(), sizeof color);
     if (extra > 0)  // without layers aovs_ is empty
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
     to += context.words * 4;

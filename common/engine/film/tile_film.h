@@ -15,16 +15,22 @@
 
 namespace quarry {
 
+/// Terms of sums that are wrong: clamped at FixedRadiance::kMost, or not numbers.
+struct FilmFaults {
+  uint64_t saturated = 0, not_numbers = 0;
+};
+
 /// A tile's result. Shapes: rows() x columns() lattice points, row by row.
 struct RenderedTile {
   bool begun = true;             ///< false: the tile was given back, and all below is empty
   Bytes pixels;                  ///< the tile's PixelForm per point; empty for a list of rays
   std::vector<Hit> hits;         ///< one per ray of a list, `t` from the ray's given origin
   std::vector<float> depths;     ///< per depth cell: t where the farthest primary ray ends
-  std::vector<BlockKey> blocks;  ///< blocks that its rays touched, ascending
+  std::vector<BlockKey> blocks;  ///< that its rays touched, ascending; see TouchedBlocks
   uint64_t rays = 0, rays_suspended = 0;
   uint32_t holes = 0;       ///< points of kHole
   uint64_t compute_us = 0;  ///< wall time of its thread without waits for blocks
+  FilmFaults faults;
 };
 
 /// The pixels of a tile under way: the sums of their samples' radiance and coverage, the layers and hits of
@@ -38,6 +44,8 @@ class TileFilm {
   void OpenHits(size_t count);
 
   void Add(uint32_t pixel, const glm::vec3& radiance) {
+    const float most = FixedRadiance::kMost;
+    if (!(radiance.x < most && radiance.y < most && radiance.z < most)) NoteFault(radiance);
     FixedRadiance* to = &sums_[size_t{kColorWords} * pixel];
     to[0].Add(radiance.x);
     to[1].Add(radiance.y);
@@ -66,6 +74,7 @@ class TileFilm {
   }
 
  private:
+  void NoteFault(const glm::vec3& radiance);
   void PutMeans(const ViewContext& view, Bytes& out) const;
   void PutSums(const ViewContext& view, Bytes& out) const;
   void PutShown(const ViewContext& view, Bytes& out) const;
@@ -75,6 +84,7 @@ class TileFilm {
   std::vector<FixedRadiance> sums_;  ///< kColorWords per pixel
   std::vector<uint32_t> aovs_;       ///< words - kColorWords per pixel
   std::vector<Hit> hits_;            ///< one per ray of a list
+  FilmFaults faults_;
   EdgeMap edges_;
   std::vector<bool> holes_;  ///< by pixel; empty if the tile leaves none
 };

@@ -53,6 +53,9 @@ class LiveCluster : public LiveDispatcher::Sink {
     }
   }
 
+  /// The view of a frame that was set up.
+  const View& ViewOf(FrameId frame) const { return views_.at(frame); }
+
   /// The oldest order, rendered and finished. None: the dispatcher did not want it.
   std::optional<Finished> RunOne(uint64_t compute_us = 200) {
     REQUIRE_FALSE(orders.empty());

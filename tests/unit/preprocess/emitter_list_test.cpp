@@ -10,6 +10,7 @@ TriangleRecord Triangle(uint32_t id, uint16_t material, float side) {
   record.id = id;
   record.material = material;
   record.part = 7;
+  record.vertices[0] = {0, 0, 0};
   record.vertices[1] = {side, 0, 0};
   record.vertices[2] = {0, side, 0};
   return record;

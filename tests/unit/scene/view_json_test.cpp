@@ -58,10 +58,10 @@ TEST_CASE("A view is restored from JSON bit by bit, whatever the offset", "[view
   for (const double ortho : {0.0, 12.5}) {
     View view = AnyView();
     view.camera.ortho_height = ortho;
-    const std::string text = ViewToJson(view, -1.75, offset).dump();
+    const std::string text = ViewToJson(view, {"", -1.75}, offset).dump();
     ViewDescription back;
     REQUIRE(Read(text, back, offset).has_value());
-    CHECK(ViewToJson(back.view, back.format.exposure, offset).dump() == text);
+    CHECK(ViewToJson(back.view, back.format, offset).dump() == text);
     CHECK(back.view.camera.eye == view.camera.eye);
     CHECK(back.view.lights[0].vector == view.lights[0].vector);
     CHECK(back.view.lights[0].cone_offset == view.lights[0].cone_offset);
@@ -113,8 +113,8 @@ TEST_CASE("A given background is light; without one the view keeps its backdrop"
   CHECK_FALSE(given.view.backdrop);
   REQUIRE(Read(R"({"spp": 2})", none).has_value());
   CHECK(none.view.backdrop);
-  CHECK_FALSE(ViewToJson(none.view, std::nullopt, {}).contains("background"));
-  CHECK(ViewToJson(given.view, std::nullopt, {}).contains("background"));
+  CHECK_FALSE(ViewToJson(none.view, {}, {}).contains("background"));
+  CHECK(ViewToJson(given.view, {}, {}).contains("background"));
 }
 
 TEST_CASE("An invalid view is refused with the place", "[view]") {
@@ -150,14 +150,14 @@ TEST_CASE("A view's parts and section are restored from JSON", "[view][parts]") 
   lists->colors = {{{"a/d"}, glm::vec3(0.25f, 0.5f, 1)}, {{"a/d/e", "f"}, std::nullopt}};
   view.parts.lists = lists;
   view.section = {true, {1, 2, 3}, {4, 6, 8}, {{{1, 1, 1}, {0, -1, 0}}, {{2, 2, 2}, {0.6, 0, 0.8}}}, false};
-  const std::string text = ViewToJson(view, std::nullopt, offset).dump();
+  const std::string text = ViewToJson(view, {}, offset).dump();
   ViewDescription back;
   REQUIRE(Read(text, back, offset).has_value());
   REQUIRE(back.view.parts.lists);
   CHECK(*back.view.parts.lists == *lists);
   CHECK(back.view.section == view.section);
-  CHECK(ViewToJson(back.view, std::nullopt, offset).dump() == text);
-  CHECK_FALSE(ViewToJson(AnyView(), std::nullopt, offset).contains("section"));
+  CHECK(ViewToJson(back.view, {}, offset).dump() == text);
+  CHECK_FALSE(ViewToJson(AnyView(), {}, offset).contains("section"));
 }
 
 TEST_CASE("Parts and sections that cannot be are refused in one sentence", "[view][parts]") {

@@ -61,7 +61,7 @@ void AddTo(PathPacket& path, int lane, const glm::vec3& radiance) {
 }  // namespace
 
 PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways)
-    : view_(view), lights_(view, scene, ways) {
+    : view_(view), lights_(view, scene, ways), scale_(std::ldexp(1.0f, view.range)) {
   can_find_light_ = lights_.can_be_met();
   for (const Material& material : scene.materials)
     can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
@@ -103,7 +103,7 @@ void PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
 /// Adds the radiance of paths to their pixels.
 void PathTracer::EndPaths(PacketWork& work, uint64_t lanes) const {
   ForEachLane(lanes, [&](uint32_t i) {
-    work.film.Add(work.samples.pixel[i], work.path->radiance[static_cast<int>(i)]);
+    work.film.Add(work.samples.pixel[i], scale_ * work.path->radiance[static_cast<int>(i)]);
   });
 }
 

@@ -43,6 +43,7 @@ class PathTracer final : public LightRays {
 
   const View& view_;
   const PathLights lights_;
+  const float scale_;            ///< of radiance in sums, see View::range
   bool can_find_light_ = false;  ///< whether the ray behind the last bounce may find a light
 };
 

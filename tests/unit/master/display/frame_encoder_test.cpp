@@ -4,6 +4,7 @@
 
 #include "common/math/elementary.h"
 #include "common/math/shared_exponent.h"
+#include "master/pictures/shown_color.h"
 
 // Pictures for viewers before they are compressed.
 
@@ -53,6 +54,28 @@ TEST_CASE("The backdrop has the same colour at every exposure, mixed by coverage
     CHECK(maker.rgb()[4] == 0);
     CHECK(maker.rgb()[7] == static_cast<uint8_t>(EncodeSrgb(kBackdrop[1] * 127 / 255) * 255 + 0.5));
   }
+}
+
+TEST_CASE("Film's curve leaves values up to a half, rises, and ends below white", "[live]") {
+  for (const double x : {0.0, 0.1, 0.5}) CHECK(Toned(ToneCurve::kFilm, x) == x);
+  double before = 0.5;
+  for (double x = 0.51; x < 1e6; x *= 1.1) {
+    const double shown = Toned(ToneCurve::kFilm, x);
+    CHECK(shown > before);
+    CHECK(shown < std::min(x, 1.0));
+    before = shown;
+  }
+  CHECK(Toned(ToneCurve::kClip, 7.0) == 7);
+  // A frame on its way shows the bytes of a PNG.
+  const ToneTable film(1, ToneCurve::kFilm), clip(1);
+  for (const float value : {0.125f, 0.25f, 0.5f, 2.0f, 8.0f}) {
+    const uint32_t code = PackShared(glm::vec3(value));
+    CHECK(film(code)[1] == ShownByte(value, 2, 1, 1, ToneCurve::kFilm));
+    CHECK(clip(code)[1] == ShownByte(value, 2, 1, 1, ToneCurve::kClip));
+  }
+  CHECK(film(kUncovered) == clip(kUncovered));
+  CHECK(film.Is(1, ToneCurve::kFilm));
+  CHECK_FALSE(film.Is(1, ToneCurve::kClip));
 }
 
 }  // namespace quarry

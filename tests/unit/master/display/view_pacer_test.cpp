@@ -3,6 +3,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "common/engine/integrators/path/light_range.h"
 #include "common/math/shared_exponent.h"
 #include "tests/support/cluster/live_cluster.h"
 #include "tests/support/rendering/looking.h"
@@ -160,6 +161,44 @@ TEST_CASE("A change of exposure traces no ray", "[live]") {
   CHECK(viewer.frames.back().exact == before);
   CHECK(viewer.frames.back().exposure == 2.5);
   CHECK(viewer.cluster.orders.empty());
+}
+
+TEST_CASE("Light does not bounce in motion, and holes wait for the samples", "[live]") {
+  Viewer viewer;
+  View view = Looking({0, -20, 0}, {0, 10, 0}, 200, 150);
+  view.mode = RenderMode::kPath;
+  view.spp = 2;
+  view.sky.radiance = glm::vec3(1e9f);
+  view.range = RangeOf(view, viewer.row.scene->catalog());
+  CHECK(view.range == -16);
+  viewer.pacer.Want({view, std::nullopt, ++viewer.inputs, 0, true}, viewer.now_s);
+  viewer.Step();
+  bool sums = false;
+  for (int i = 0; i < 20000 && !viewer.exact(); ++i) {
+    for (const auto& ordered : viewer.cluster.orders) {
+      const bool summed = ordered.order.area.form == PixelForm::kSums,
+                 metered = !summed && ordered.order.area.form == PixelForm::kMeans;
+      sums |= summed;
+      CHECK(viewer.cluster.ViewOf(ordered.order.frame).bounces == (summed || metered ? view.bounces : 0));
+    }
+    viewer.Pass();
+  }
+  CHECK(sums);
+  REQUIRE(viewer.exact());
+  const DueFrame& last = viewer.frames.back();
+  CHECK(last.exact == viewer.cluster.Batch(view));
+  CHECK(last.exposure == MeterExposure(*viewer.row.scene, view, 1 << 20, {}).value());
+  CHECK(last.exposure < -16);
+  // Frames on their way hold radiance times 2^range: what is seen is as bright.
+  uint32_t seen = 0;
+  for (const DueFrame& frame : viewer.frames)
+    for (const PictureRows& rows : frame.rows)
+      for (const uint32_t code : rows.codes) {
+        if (code >= kUncovered) continue;
+        ++seen;
+        CHECK(UnpackShared(code).y < 1 << 15);
+      }
+  CHECK(seen > 100);
 }
 
 TEST_CASE("A repeated view at rest is answered with the number of the new input", "[live]") {

@@ -73,7 +73,7 @@ struct Watching {
          {"input", ++input},
          {"time", 0},
          {"moving", true},
-         {"view", ViewToJson(view, 0.0, {})}});
+         {"view", ViewToJson(view, {"", 0.0}, {})}});
   }
   /// All that a browser could have seen.
   void AcknowledgeAll() {

@@ -1,0 +1,44 @@
+#include "common/engine/integrators/path/light_range.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "common/engine/surfaces/surface.h"
+#include "common/math/elementary.h"
+
+namespace quarry {
+namespace {
+
+/// Exponent of the largest value to which lights are brought.
+constexpr int kBrightest = 14;
+
+/// The radiance of a light that the eye can see, else 0. Units: as Light::radiance.
+double SeenRadiance(const Light& light) {
+  if (light.kind == LightKind::kRectangle) return static_cast<double>(Largest(light.radiance));
+  if (light.kind != LightKind::kSun || light.angle == 0) return 0;
+  double sine = 0, cosine = 1;
+  SinCos(static_cast<double>(light.angle) * std::numbers::pi / 720, sine, cosine);
+  return static_cast<double>(Largest(light.radiance)) / (4 * sine * sine);  // pi over the solid angle
+}
+
+}  // namespace
+
+int RangeOf(const View& view, const Catalog& scene) {
+  if (!InfoOf(view.mode).bounces) return 0;
+  double brightest = 0;
+  for (const Light& light : view.lights) brightest = std::max(brightest, SeenRadiance(light));
+  for (const Material& material : scene.materials)
+    if (!material.unlit) brightest = std::max(brightest, static_cast<double>(Largest(material.emission)));
+  if (brightest == 0) {
+    for (const Light& light : view.lights)
+      brightest = std::max(brightest, static_cast<double>(Largest(light.radiance)));
+    brightest = std::max({brightest, static_cast<double>(Largest(view.sky.radiance)),
+                          view.backdrop ? 0 : static_cast<double>(Largest(view.background))});
+  }
+  if (!(brightest > 0)) return 0;
+  const int exponent = std::ilogb(brightest), above = brightest > std::ldexp(1.0, exponent) ? 1 : 0;
+  return std::clamp(kBrightest - exponent - above, -kMostRange, kMostRange);
+}
+
+}  // namespace quarry
