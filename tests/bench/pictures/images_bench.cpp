@@ -11,6 +11,8 @@
 #include <optional>
 
 #include "common/base/log.h"
+#include "common/engine/integrators/path/light_range.h"
+#include "common/engine/integrators/path/path_tracer.h"
 #include "common/engine/renderer.h"
 #include "common/program/run_program.h"
 #include "common/scene/framing.h"
@@ -34,6 +36,7 @@ constexpr unsigned kThreads = 2;
 
 struct Options {
   std::vector<std::string> stores;
+  std::string mode;
   int repetitions = 3;
   uint32_t size = 1024, spp = 1;
   bool interior = false;
@@ -125,6 +128,60 @@ Difference Compare(const std::vector<float>& a, const std::vector<float>& b) {
   return d;
 }
 
+/// Renders a picture once more, with its blocks in the cache. Returns the seconds; `rays`: traced in all.
+Result<double> TimePicture(Renderer& renderer, const View& view, std::shared_ptr<const Integrator> integrator,
+                           uint64_t& rays) {
+  const auto from = Clock::now();
+  rays = 0;
+  QUARRY_TRY(renderer.Render(
+      view, TilesOf(view.crop),
+      [&](size_t, const RenderedTile& result, Renderer::Progress) { rays += result.rays; }, {},
+      std::move(integrator)));
+  return SecondsSince(from);
+}
+
+/// Mode path: the rate of its rays, and how many of them look for light. `quarry bench kernels` has the rates
+/// of such rays alone, which bound it.
+Status RunPath(const std::string& path, const Options& options, nlohmann::json& results) {
+  QUARRY_ASSIGN(const Scene scene, Scene::Open(path));
+  const Catalog& catalog = scene.catalog();
+  QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {uint64_t{1} << 40, kThreads}));
+  View view;
+  view.mode = RenderMode::kPath;
+  view.width = view.height = options.size;
+  view.spp = options.spp;
+  view.lights = {DefaultSun(catalog.meta.up_axis)};
+  view.sky.turbidity = 3;
+  QUARRY_ASSIGN(view.camera, FindView(path, catalog.meta, options.interior));
+  QUARRY_TRY(NormalizeView(view));
+  view.range = RangeOf(view, catalog);
+  // Paths are the same whether vertices ask for light or not; without asking there are no light rays.
+  const auto silent = std::make_shared<PathTracer>(view, catalog, LightWays::kMet);
+  uint64_t rays = 0, path_rays = 0;
+  std::vector<double> seconds;
+  QUARRY_TRY(TimePicture(*renderer, view, silent, path_rays).map([](double) {}));  // loads its blocks
+  for (int r = 0; r <= options.repetitions; ++r) {
+    QUARRY_ASSIGN(const double s, TimePicture(*renderer, view, {}, rays));
+    if (r > 0) seconds.push_back(s);
+  }
+  const double s = Median(seconds), light_rays = static_cast<double>(rays - path_rays);
+  const double rate = static_cast<double>(rays) / s / kThreads;
+  const std::string name = std::filesystem::path(path).stem().string();
+  Print(fmt::format(
+      "{}: path {:.3f} s; {:.2f} million rays a second and thread; {:.2f} path rays and {:.2f} light "
+      "rays a sample\n",
+      name, s, rate * 1e-6,
+      static_cast<double>(path_rays) / (static_cast<double>(view.width) * view.height * view.spp),
+      light_rays / (static_cast<double>(view.width) * view.height * view.spp)));
+  results.push_back({{"scene", name},
+                     {"mode", "path"},
+                     {"engine_s", s},
+                     {"path_rays", path_rays},
+                     {"light_rays", light_rays},
+                     {"rays_per_s_and_thread", rate}});
+  return {};
+}
+
 Status RunScene(const std::string& path, const Options& options, nlohmann::json& results) {
   QUARRY_ASSIGN(const Scene scene, Scene::Open(path));
   const Catalog& catalog = scene.catalog();
@@ -189,6 +246,8 @@ int Main(int argc, char** argv) {
   Options options;
   CLI::App app("Pictures on two threads: the engine, `quarry render`, and a renderer around Embree.");
   app.add_option("store", options.stores, "Stores made by quarry-preprocess")->required();
+  app.add_option("--mode", options.mode, "path: the rate of its rays instead")
+      ->check(CLI::IsMember({"path"}));
   app.add_option("--repetitions", options.repetitions, "Medians of so many")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -203,7 +262,8 @@ int Main(int argc, char** argv) {
   if (const auto status = ReadArguments(app, argc, argv)) return *status;
   nlohmann::json results = nlohmann::json::array();
   for (const std::string& store : options.stores) {
-    if (const Status status = RunScene(store, options, results); !status) {
+    const auto run = options.mode == "path" ? RunPath : RunScene;
+    if (const Status status = run(store, options, results); !status) {
       Log(fmt::format("quarry-bench-images: {}", status.error().message));
       return 1;
     }

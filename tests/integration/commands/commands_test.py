@@ -296,7 +296,7 @@ class Options(Case):
                 (walk, ["--ortho", 3]), (self.render, ["--fov", 30, "--ortho", 3]), (self.render, ["--sun", "0,0,1"]),
                 (self.render, ["--lights", self.path("lights.json")]), ([*self.render, "--mode", "voxels"], ["--sun", "0,0,1"]),
                 (self.render, ["--bounces", 3]), ([*self.render, "--mode", "whitted"], ["--bounces", 3]), ([*self.render, "--mode", "shadow"], ["--sky", 3]),
-                ([*self.render[:4], self.path("x.exr")], ["--exposure", 1]), (self.render, ["--frames", 0]),
+                ([*self.render[:4], self.path("x.exr")], ["--exposure", 1]), ([*self.render[:4], self.path("x.exr")], ["--tonemap", "film"]), (self.render, ["--frames", 0]),
                 *(([*self.render, "--master", "127.0.0.1:1"], [o, v]) for o, v in (("--workers", 2), ("--threads", 2), ("--cache", "1M"))),
                 ([*self.preprocess, "--plan"], ["--resume"]),
                 *((["quarry-master", self.path("m.obj"), "--serve-only"], [o, v]) for o, v in
@@ -311,11 +311,11 @@ class Options(Case):
         path, view = [*self.render, "--mode", "path"], self.path("view.json")
         for sentence, *options in (("--bounces: .*65", "--bounces", 65), ("--sky: .*11", "--sky", 11), ("--sky: .*1.5", "--sky", 1.5),
                                    ("--sky.*5 degrees", "--sky", 3, "--sun", "1,0,0.05", "--up-axis", "z"),
-                                   ("needs a sun", "--sky", 3, "--lights", self.path("lights.json"))):
+                                   ("needs a sun", "--sky", 3, "--lights", self.path("lights.json")), ("clip or film.*'hard'", "--tonemap", "hard")):
             self.must_fail(2, sentence, *path, *options)
         sun = {"type": "sun", "direction": [0, 0, 1], "radiance": [1, 1, 1]}
         rectangle = {"type": "rectangle", "position": [0, 0, 3], "edges": [[1, 0, 0], [0, 1, 0]], "radiance": [1, 1, 1]}
-        for sentence, member in ((r"bounces", {"bounces": 65}), (r"sky\.turbidity", {"sky": {"turbidity": 12}}), ("sky.*color", {"sky": {"color": [1, 1, 1]}}),
+        for sentence, member in ((r"bounces", {"bounces": 65}), (r"sky\.turbidity", {"sky": {"turbidity": 12}}), ("tonemap.*clip or film", {"tonemap": "hard"}), ("sky.*color", {"sky": {"color": [1, 1, 1]}}),
                                  ("no area", {"lights": [{**rectangle, "edges": [[1, 0, 0], [2, 0, 0]]}]}), ("two sides", {"lights": [{**rectangle, "edges": [[1, 0, 0]]}]}),
                                  ("edges", {"lights": [{k: v for k, v in rectangle.items() if k != "edges"}]}), ("invalid", {"lights": [{**sun, "angle": 91}]}),
                                  ("sun, point or rectangle", {"lights": [{**sun, "type": "disc"}]}), ("radiance", {"lights": [{**sun, "radiance": [1, 1, None]}]})):

@@ -160,6 +160,36 @@ class Paths(Case):
             self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name], name)
 
 
+    def test_ranges_of_samples_and_a_killed_worker(self):
+        """Tiles of many samples come in ranges. A worker that is killed in the middle leaves its tiles' sums to others."""
+        scene, trace, stats = self.store("plant", 20000, voxel_size="16K"), self.path("trace.jsonl"), self.path("stats.json")
+        view = ["--mode", "path", "--spp", 160, "--size", "64x32", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70", "--aov", "depth,primitive"]
+        alone, together = self.path("alone.exr"), self.path("together.exr")
+        self.must("quarry", "render", scene, "-o", alone, "--quiet", *view, "--workers", 1, "--threads", 2)
+        _, address = self.start_master(scene, "--trace", trace)
+        victim = self.start_worker(address, "--threads", 1)
+        client = subprocess.Popen([str(BIN / "quarry"), "render", "--master", address, "-o", together, "--quiet", "--stats", stats, *map(str, view)])
+        self.addCleanup(end, client)
+
+        def results():
+            return [json.loads(line) for line in pathlib.Path(trace).read_text().splitlines() if '"tile"' in line]
+
+        limit = time.monotonic() + TIMEOUT_S
+        while not results():
+            self.assertLess(time.monotonic(), limit)
+            time.sleep(0.02)
+        victim.send_signal(signal.SIGKILL)
+        self.start_worker(address, "--threads", 1)
+        self.assertEqual(client.wait(TIMEOUT_S), 0)
+        lines = results()
+        self.assertEqual({line["tile"] for line in lines}, {0, 1})
+        self.assertGreaterEqual(len(lines), 4)
+        self.assertEqual(len({line["worker"] for line in lines}), 2)
+        self.assertEqual(pathlib.Path(together).read_bytes(), pathlib.Path(alone).read_bytes())
+        counts = json.loads(pathlib.Path(stats).read_text())
+        self.assertEqual((counts["saturated_terms"], counts["nan_terms"]), (0, 0))
+
+
 class PilesOfVoxels(Case):
     def test_crossing_bars_at_a_cache_of_one_block(self):
         """Layers of crossing bars, in chains of voxels whose boxes overlap: rays wait for one after the other, within one leaf."""
