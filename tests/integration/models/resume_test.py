@@ -8,7 +8,7 @@ import sys
 import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
-from tests.integration.programs import BIN, Case, main
+from tests.integration.programs import BIN, TIMEOUT_S, Case, main
 
 KILLS = 20
 
@@ -179,7 +179,7 @@ class Resume(Case):
             store.parent.mkdir()
             runs.append(subprocess.Popen([str(BIN / "quarry-preprocess"), self.model, "-o", str(store), "--tmp", str(self.folder), "--quiet"]))
         for run in runs:
-            self.assertEqual(run.wait(timeout=120), 0)
+            self.assertEqual(run.wait(TIMEOUT_S), 0)
         for store in stores:
             self.assertTrue(store.read_bytes() == whole)
         self.assertEqual([p.name for p in self.folder.iterdir() if "work" in p.name], [])
