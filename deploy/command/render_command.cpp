@@ -148,6 +148,15 @@ std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohma
                     t.wall_s, t.start_s, t.load_s, t.trace_s, t.write_s);
 }
 
+/// The kinds of a view's lights, the default ones included.
+std::vector<std::string> NamesOfLights(const View& view) {
+  static const char* const kNames[kLightKinds] = {"sun", "point", "rectangle"};
+  std::vector<std::string> names;
+  for (const Light& light : view.lights) names.emplace_back(kNames[static_cast<size_t>(light.kind)]);
+  if (view.mode == RenderMode::kPath && view.sky.shines()) names.emplace_back("sky");
+  return names;
+}
+
 Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const SceneId& id,
                        const nlohmann::ordered_json& frames, const RunTimes& times) {
   if (a.stats.empty()) return {};
@@ -163,6 +172,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["height"] = job.view.height;
   j["spp"] = job.view.spp;
   j["seed"] = job.view.seed;
+  if (InfoOf(job.view.mode).uses_lights) j["lights"] = NamesOfLights(job.view);
   j["frames_rendered"] = frames.size();
   j["render_wall_s"] = times.wall_s;
   j["start_s"] = times.start_s;

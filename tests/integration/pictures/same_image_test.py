@@ -187,7 +187,7 @@ class Paths(Case):
         self.assertEqual(len({line["worker"] for line in lines}), 2)
         self.assertEqual(pathlib.Path(together).read_bytes(), pathlib.Path(alone).read_bytes())
         counts = json.loads(pathlib.Path(stats).read_text())
-        self.assertEqual((counts["saturated_terms"], counts["nan_terms"]), (0, 0))
+        self.assertEqual((counts["saturated_terms"], counts["nan_terms"], counts["lights"]), (0, 0, ["sun", "sky"]))
 
 
 class PilesOfVoxels(Case):
