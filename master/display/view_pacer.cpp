@@ -52,7 +52,7 @@ double GuessExposure(const LivePicture& picture, const View& view) {
     points.push_back({0.2126f * color.x + 0.7152f * color.y + 0.0722f * color.z,
                       std::max({color.x, color.y, color.z}), colored[i] != background});
   }
-  return ExposureFor(points) + view.range;
+  return ExposureFor(points, 0, InfoOf(view.mode).tone) + view.range;
 }
 
 }  // namespace
@@ -93,7 +93,8 @@ bool ViewPacer::Take(const LiveTile& tile, std::span<const std::byte> pixels, do
     AddMeteredPoints(pixels, materials_, exposure_.points);
     if (dispatcher_.Wants(*exposure_.meter, LiveUrgency::kAnswer)) return true;
     dispatcher_.End(*std::exchange(exposure_.meter, std::nullopt));
-    exposure_.own = exposure_.last = ExposureFor(exposure_.points, wanted_.view.range);
+    exposure_.own = exposure_.last =
+        ExposureFor(exposure_.points, wanted_.view.range, InfoOf(wanted_.view.mode).tone);
     exposure_.last_mode = wanted_.view.mode;
     picture_.Renew();
     return true;

@@ -15,6 +15,8 @@ namespace {
 /// Linear value of the logarithmic mean of exposed surfaces: a light grey, since a picture of a model should
 /// show its shape rather than a mood.
 constexpr double kKey = 0.3;
+/// EV above white of bright points that film's curve still shows well.
+constexpr double kFilmWhite = 3;
 /// Of so many points one may be clipped.
 constexpr size_t kClippedOf = 128;
 /// Lattice points along the image's longer side.
@@ -56,7 +58,7 @@ void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Materia
   }
 }
 
-double ExposureFor(std::span<const MeteredPoint> points, int range) {
+double ExposureFor(std::span<const MeteredPoint> points, int range, ToneCurve tone) {
   const double least = std::ldexp(1e-6, -range);
   std::vector<double> logarithms;
   std::vector<float> largest;
@@ -75,8 +77,9 @@ double ExposureFor(std::span<const MeteredPoint> points, int range) {
   const auto bright =
       largest.begin() + static_cast<std::ptrdiff_t>(largest.size() - 1 - largest.size() / kClippedOf);
   std::ranges::nth_element(largest, bright);
+  const double headroom = tone == ToneCurve::kFilm ? kFilmWhite : 0;
   const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
-                             -Log2(std::max(static_cast<double>(*bright), least)));
+                             headroom - Log2(std::max(static_cast<double>(*bright), least)));
   return std::clamp(std::floor(ev * 64) / 64, -16.0 + range, 16.0 + range);
 }
 
@@ -93,7 +96,7 @@ Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes
       std::move(stop)));
   std::vector<MeteredPoint> points;
   AddMeteredPoints(pixels, scene.catalog().materials, points);
-  return ExposureFor(points, view.range);
+  return ExposureFor(points, view.range, InfoOf(view.mode).tone);
 }
 
 }  // namespace quarry

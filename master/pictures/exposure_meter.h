@@ -22,11 +22,12 @@ struct MeteredPoint {
 };
 
 /// The exposure that shows the points well: the logarithmic mean of surfaces becomes a mean grey, but no more
-/// than one point of 128 is clipped. Surfaces that emit light do not count beside others: a window that
-/// shines may be clipped, and the room that it lights is seen. Units: EV, a multiple of 1/64 in [-16, 16],
-/// which the view's range, `range`, moves; 0 without a lit surface. The same for the same points in any
-/// order. Thread-safe. Source: Reinhard et al. 2002, section 3.1 (the key).
-double ExposureFor(std::span<const MeteredPoint> points, int range = 0);
+/// than one point of 128 is clipped, or with film's curve more than 8 times white. Surfaces that emit light
+/// do not count beside others: a window that shines may be clipped, and the room that it lights is seen.
+/// Units: EV, a multiple of 1/64 in [-16, 16], which the view's range, `range`, moves; 0 without a lit
+/// surface. The same for the same points in any order. Thread-safe. Source: Reinhard et al. 2002, section 3.1
+/// (the key).
+double ExposureFor(std::span<const MeteredPoint> points, int range = 0, ToneCurve tone = ToneCurve::kClip);
 
 /// The picture of a view that a meter renders: sample 0 with depth and material of the whole image, on a
 /// lattice. Requires: `view` is normalized.

@@ -27,6 +27,9 @@ TEST_CASE("Surfaces are exposed to one grey, and large highlights are not clippe
   CHECK(0.01 * std::exp2(dark) == Approx(0.3).epsilon(0.02));
   // A large bright sky is not clipped; a few lamps are.
   CHECK(ExposureFor(Grey(900, 0.01f, 100, 0.8f)) <= -std::log2(0.8) + 1e-9);
+  const double clipped = ExposureFor(Grey(900, 0.01f, 100, 0.8f));
+  CHECK(ExposureFor(Grey(900, 0.01f, 100, 0.8f), 0, ToneCurve::kFilm) == clipped + 3);  // 8 times white
+  CHECK(ExposureFor(Grey(900, 0.01f), 0, ToneCurve::kFilm) == dark);
   CHECK(ExposureFor(Grey(1000, 0.01f, 5, 1000.0f)) == dark);
   CHECK(ExposureFor(Grey(1000, 0.01f, 10, 1000.0f)) < dark - 4);  // one of 100: more than may be clipped
   CHECK(ExposureFor({}) == 0);
