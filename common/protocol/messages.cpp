@@ -82,7 +82,10 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   job.first_frame = w.first_frame();
   job.format.name = w.format() ? w.format()->str() : std::string();
   if (!w.automatic_exposure()) job.format.exposure = w.exposure();
-  if (w.tone() < kToneCurves) job.format.tone = static_cast<ToneCurve>(w.tone());
+  constexpr uint8_t kByMode = 255;
+  if (w.tone() != kByMode && w.tone() >= kToneCurves)
+    return Fail("received a render job that is not well formed");
+  if (w.tone() != kByMode) job.format.tone = static_cast<ToneCurve>(w.tone());
   if (w.parts()) {
     QUARRY_ASSIGN(job.view.parts.lists, ReadPartLists(*w.parts(), message_bytes));
   }

@@ -61,10 +61,12 @@ void ActiveFrame::Foresee(const ActiveFrame* before) {
 }
 
 std::vector<uint32_t> ActiveFrame::Holders() const {
-  std::vector<uint32_t> holders = owners_;
+  std::vector<uint32_t> holders(owners_.size(), kNoWorker);
   leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
-    if (holders[tile] == kNoWorker) holders[tile] = lease.worker;
+    if (holders[tile] == kNoWorker && !IsOver(tile, lease)) holders[tile] = lease.worker;
   });
+  for (size_t t = 0; t < holders.size(); ++t)
+    if (holders[t] == kNoWorker) holders[t] = owners_[t];
   return holders;
 }
 
@@ -137,7 +139,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
   for (size_t t = 0; t < s.tiles.size(); ++t) {
     s.tiles[t].done = tile_done_[t];
     s.tiles[t].begun = ranges_.begun(static_cast<uint32_t>(t));
-    s.tiles[t].owner = s.tiles[t].begun ? owners_[t] : plan_[t];
+    s.tiles[t].owner = s.tiles[t].begun && owners_[t] != kNoWorker ? owners_[t] : plan_[t];
     s.tiles[t].cost_s = CostOf(t);
   }
   leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
@@ -187,7 +189,11 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   return true;
 }
 
-void ActiveFrame::Forget(uint32_t worker) { counts_.leases_lost += leases_.Forget(worker).size(); }
+void ActiveFrame::Forget(uint32_t worker) {
+  counts_.leases_lost += leases_.Forget(worker).size();
+  for (size_t t = 0; t < owners_.size(); ++t)  // tiles that it has begun are planned anew
+    if (owners_[t] == worker && !tile_done_[t]) owners_[t] = kNoWorker;
+}
 
 void ActiveFrame::AddOutdone(std::set<uint32_t>& workers) const {
   leases_.ForEach([&](uint32_t tile, const TileLease& lease) {

@@ -98,7 +98,7 @@ class ActiveFrame {
   void AddOutdone(std::set<uint32_t>& workers) const;
   /// Adds, by worker, the number of tiles leased to it.
   void AddHeld(std::unordered_map<uint32_t, uint32_t>& held) const;
-  /// The worker that rendered each tile, or its newest range; kNoWorker before any.
+  /// The worker that rendered each tile, or its newest range; kNoWorker before any, and where that is lost.
   const std::vector<uint32_t>& owners() const { return owners_; }
 
  private:

@@ -17,11 +17,13 @@ constexpr double kRangeS = 0.5;
 
 }  // namespace
 
-Tile TileRanges::Next(uint32_t tile, const PixelRect& pixels, double sample_s) const {
+Tile TileRanges::Next(uint32_t tile, const PixelRect& pixels, double sample_s) {
   const auto it = begun_.find(tile);
-  const uint32_t done = it == begun_.end() ? 0 : it->second.samples, left = spp_ - done;
+  const bool in_ranges = it != begun_.end();
+  const uint32_t done = in_ranges ? it->second.samples : 0, left = spp_ - done;
   const double ranges = std::max(1.0, std::round(left * sample_s / kRangeS));
-  if (done == 0 && (ranges == 1 || spp_ == 1 || begun_.size() >= kMostBegun)) return {pixels};
+  if (!in_ranges && (ranges == 1 || spp_ == 1 || begun_.size() >= kMostBegun)) return {pixels};
+  begun_.try_emplace(tile);
   Tile range{pixels};
   range.first_sample = done;
   range.samples = std::clamp(static_cast<uint32_t>(std::ceil(left / ranges)), 1u, left);

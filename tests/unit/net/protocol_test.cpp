@@ -27,6 +27,8 @@ RenderJob MakeJob() {
   job.view.lights[2].edges[0] = {1, 0, 0.5f};
   job.view.lights[2].edges[1] = {0, 2, 0};
   job.view.bounces = 3;
+  job.view.range = -17;
+  job.format.tone = ToneCurve::kFilm;
   job.view.sky = {{0.1f, 0.2f, 0.3f}, 4};
   job.view.ambient = {0.1f, 0.2f, 0.3f};
   job.view.background = {0.4f, 0.5f, 0.6f};
@@ -55,7 +57,7 @@ void CheckSame(const View& a, const View& b) {
   CHECK(a.ambient == b.ambient);
   CHECK(a.background == b.background);
   CHECK(a.backdrop == b.backdrop);
-  CHECK((a.bounces == b.bounces && a.sky == b.sky));
+  CHECK((a.bounces == b.bounces && a.sky == b.sky && a.range == b.range));
   REQUIRE(a.lights.size() == b.lights.size());
   for (size_t i = 0; i < a.lights.size(); ++i) {
     CHECK(a.lights[i].kind == b.lights[i].kind);
@@ -74,6 +76,7 @@ void CheckSame(const RenderJob& a, const RenderJob& b) {
   CheckSame(a.view, b.view);
   CHECK(a.format.name == b.format.name);
   CHECK(a.format.exposure == b.format.exposure);
+  CHECK(a.format.tone == b.format.tone);
   CHECK(a.first_frame == b.first_frame);
   REQUIRE(a.cameras.size() == b.cameras.size());
   for (size_t i = 0; i < a.cameras.size(); ++i) CheckSame(a.cameras[i], b.cameras[i]);

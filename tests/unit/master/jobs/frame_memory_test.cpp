@@ -33,6 +33,19 @@ TEST_CASE("A frame's memory is computed before it is allocated, without overflow
   CHECK(BytesOf(Job(64)) < 2 << 20);
 }
 
+TEST_CASE("The README states the largest picture of 1G") {
+  const FrameMemory memory(uint64_t{1} << 30);
+  const auto fits = [&](uint32_t side, uint32_t spp) {
+    RenderJob job = Job(side);
+    job.view.spp = spp;
+    return memory.CheckJob(job, 0).has_value();
+  };
+  CHECK(fits(5800, 4));
+  CHECK_FALSE(fits(5900, 4));
+  CHECK(fits(6300, 1));
+  CHECK_FALSE(fits(6400, 1));
+}
+
 TEST_CASE("No encoded image is larger than computed") {
   for (const auto& job : {Job(200), Job(200, "exr"), Job(200, "exr", 127), Job(1), Job(1, "exr", 127)}) {
     std::vector<uint32_t> pixels(size_t{job.view.width} * job.view.height * WordsPerPixel(job.view.aov_mask));

@@ -1,6 +1,8 @@
 #include "master/schedule/live_dispatcher.h"
 
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 
 #include "tests/support/cluster/live_cluster.h"
 #include "tests/support/rendering/looking.h"
@@ -43,6 +45,14 @@ struct Site {
 };
 
 }  // namespace
+
+TEST_CASE("A range of samples takes about a quarter of a second", "[live]") {
+  Site site;  // two microseconds a sample and pixel, before anything is known
+  const double threads = std::max(site.dispatcher().threads(), 1u);
+  CHECK(site.dispatcher().SamplesAtOnce(1, 25'000) == std::floor(0.25 * threads / (25'000 * 2e-6)));
+  CHECK(site.dispatcher().SamplesAtOnce(1, 10'000'000) == 1);
+  CHECK(site.dispatcher().SamplesAtOnce(1, 10) == 19);  // by the smallest tile
+}
 
 TEST_CASE("The tiles of a pass cover its lattice once", "[live]") {
   Site site;

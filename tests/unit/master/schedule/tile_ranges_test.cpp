@@ -102,13 +102,16 @@ TEST_CASE("Tiles are rendered whole where many others have a part of their sampl
   const View view = SmallView(4);
   TileRanges ranges(view);
   const PixelRect place{0, 0, 1, 1};
+  // Ranges that have been given count, whether they are there or not.
   for (uint32_t tile = 0; tile < TileRanges::kMostBegun; ++tile) {
     const Tile range = ranges.Next(tile, place, 10);
     REQUIRE(range.form == PixelForm::kSums);
-    REQUIRE(ranges.Add(tile, range, PixelsOf(range, 0, 0), 1).has_value());
+    if (tile % 2 == 0) REQUIRE(ranges.Add(tile, range, PixelsOf(range, 0, 0), 1).has_value());
+    CHECK(ranges.begun(tile) == (tile % 2 == 0));
   }
   CHECK(ranges.Next(TileRanges::kMostBegun, place, 10).form == PixelForm::kMeans);
   CHECK(ranges.Next(3, place, 10).form == PixelForm::kSums);  // it goes on
+  CHECK(ranges.Next(3, place, 0.01).form == PixelForm::kSums);
 }
 
 TEST_CASE("A costly tile goes to its worker range by range, and to another when that is lost") {
@@ -119,7 +122,7 @@ TEST_CASE("A costly tile goes to its worker range by range, and to another when 
   CHECK(whole.area.form == PixelForm::kMeans);
   REQUIRE(*frame.Finish(DoneOf(whole, 8'000'000), Bytes(32 * 32 * kColorWords * 4), 8));
   CHECK(frame.tiles_done() == 1);
-  const TileOrder first = frame.Lease({0, 1}, 8), late = frame.Lease({0, 2}, 8);
+  const TileOrder first = frame.Lease({2, 1}, 8), late = frame.Lease({2, 2}, 8);
   CHECK(first.area.form == PixelForm::kSums);
   CHECK(first.area.samples == 1);
   CHECK(late.area.first_sample == 0);
@@ -129,32 +132,37 @@ TEST_CASE("A costly tile goes to its worker range by range, and to another when 
   CHECK_FALSE(*frame.Finish(DoneOf(late, 1'000'000), PixelsOf(late.area, 0, 0), 9.5));  // the same range
   // The tile is open, begun, and its worker's.
   const Snapshot snapshot = frame.MakeSnapshot({{1, 1, 0}, {2, 1, 0}}, 10);
-  CHECK(snapshot.tiles[0].begun);
-  CHECK_FALSE(snapshot.tiles[0].held);
-  CHECK(snapshot.tiles[0].owner == 1);
+  CHECK(snapshot.tiles[2].begun);
+  CHECK_FALSE(snapshot.tiles[2].held);
+  CHECK(snapshot.tiles[2].owner == 1);
   const auto given = Schedule(snapshot, Stealing::kNo);
-  CHECK(std::ranges::find(given, Assignment{0, 1}) != given.end());
+  CHECK(std::ranges::find(given, Assignment{2, 1}) != given.end());
   // A worker that still computes a range that is there holds nothing up, and is known to be outdone.
-  const TileOrder second = frame.Lease({0, 2}, 10), slow = frame.Lease({0, 3}, 10);
+  const TileOrder second = frame.Lease({2, 2}, 10), slow = frame.Lease({2, 3}, 10);
   REQUIRE(*frame.Finish(DoneOf(second, 500'000), PixelsOf(second.area, 0, 0), 11));
-  CHECK_FALSE(frame.MakeSnapshot({}, 11).tiles[0].held);
+  CHECK_FALSE(frame.MakeSnapshot({}, 11).tiles[2].held);
   std::set<uint32_t> outdone;
   frame.AddOutdone(outdone);
   CHECK(outdone == std::set<uint32_t>{3});
   CHECK(second.area.first_sample == 1);
-  const TileOrder third = frame.Lease({0, 1}, 11);
+  const TileOrder third = frame.Lease({2, 1}, 11);
   CHECK(third.area.first_sample == 1 + second.area.samples);
   CHECK_FALSE(*frame.Finish(DoneOf(slow, 500'000), PixelsOf(slow.area, 0, 0), 12));
   // Its worker is lost: another one goes on where it stopped.
   frame.Forget(1);
-  TileOrder next = frame.Lease({0, 2}, 13);
+  CHECK(frame.MakeSnapshot({}, 12).tiles[2].begun);
+  CHECK(frame.owners()[2] == 2);  // who gave the newest range
+  frame.Forget(2);
+  CHECK(frame.owners()[2] == kNoWorker);
+  CHECK(frame.owners()[3] == 1);
+  TileOrder next = frame.Lease({2, 2}, 13);
   CHECK(next.area.first_sample == third.area.first_sample);
   for (double now_s = 14; frame.tiles_done() == 1; ++now_s) {
     REQUIRE(*frame.Finish(DoneOf(next, 500'000), PixelsOf(next.area, 0, 0), now_s));
-    if (frame.tiles_done() == 1) next = frame.Lease({0, 2}, now_s);
+    if (frame.tiles_done() == 1) next = frame.Lease({2, 2}, now_s);
   }
   CHECK(next.area.first_sample + next.area.samples == 8);
-  CHECK(frame.owners()[0] == 2);
+  CHECK(frame.owners()[2] == 2);
   // A range that is no range of its tile.
   const TileOrder other = frame.Lease({1, 1}, 20);
   CHECK_FALSE(frame.Finish(DoneOf(other, 1), Bytes(8), 21).has_value());
