@@ -19,7 +19,6 @@
 #include "common/program/service_notice.h"
 #include "common/remote/open_store.h"
 #include "master/jobs/statistics.h"
-#include "master/pictures/exposure_meter.h"
 
 namespace quarry {
 namespace {
@@ -36,9 +35,8 @@ constexpr double kLogEveryS = 10;
 /// mention in the status of a few workers that hold every block.
 constexpr uint64_t kIncomingBytes = 11u << 20, kIncomingBytesPerBlock = 16;
 
-/// Bytes of decoded blocks while an exposure is metered, once a job: the lattice's rays pass a block once or
-/// twice.
-constexpr uint64_t kMeterBytes = 64u << 20;
+/// From a random start: results for another master's frames are recognised.
+FrameId RandomStart() { return uint64_t{std::random_device{}()} << 24; }
 
 std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
   std::vector<uint32_t> bytes;
@@ -61,14 +59,18 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       blocks_(*source_, catalog()),
       packed_catalog_(PackSections(scene_.store().catalog_sections())),
       selections_(scene_.store()),
+      orders_(registry_),
+      meter_(orders_, catalog().materials, kFirstMeterFrame | RandomStart()),
       jobs_(io, {catalog().id, catalog().meta.offset}, std::move(spool), options.frame_memory,
             {[this] { AssignSoon(); },
              [this](const Job& job) {
+               meter_.End(job.id);
                for (const FrameId id : frames_.Forget(job)) dispatcher_.Cancel(id);
              },
              [this](const std::string& line) { Log(line); },
-             [this](const View& view, std::stop_token stop) {
-               return MeterExposure(scene_, view, kMeterBytes, std::move(stop));
+             [this](const Job& job, JobMeter::Done done) {
+               meter_.Begin(job.id, FrameView(job.job), std::move(done));
+               AssignSoon();
              },
              [this](View& view) {
                view.range = RangeOf(view, catalog());
@@ -76,8 +78,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
              }}),
       frames_(
           jobs_, registry_, [this] { return blocks_.bytes_served(); }, std::move(tile_log)),
-      // From a random start: results for another master's frames are recognised.
-      dispatcher_(frames_, block_bytes_, options.policy, (uint64_t{std::random_device{}()} << 24) + 1),
+      dispatcher_(frames_, block_bytes_, options.policy, RandomStart() + 1),
       queries_(io, scene_,
                [this] {
                  return status_.Json(catalog().id, Now(), registry_, jobs_,
@@ -185,6 +186,7 @@ Status Server::OnHello(const ConnectionPtr& c, const Message& m) {
     blocks_.Send(c, packed_catalog_.size(), [this, &connection = *c] {
       if (WorkerRecord* worker = registry_.Find(&connection)) {
         worker->ready = true;
+        meter_.AddWorker(worker->id, worker->threads);
         if (display_) display_->WorkerReady(*worker);
       }
       WorkersChanged();
@@ -229,6 +231,7 @@ void Server::OnGone(const ConnectionPtr& c, const Error& error, bool dropped) {
         worker->ready ? fmt::format("Worker {} is gone: {}.", worker->name, error.message) : "";
     dispatcher_.RemoveWorker(id);
     registry_.Remove(c.get());
+    meter_.RemoveWorker(id);
     if (display_) display_->WorkerGone(id, lost);
     UpdateCosts();
     WorkersChanged();
@@ -271,6 +274,7 @@ void Server::AssignTiles() {
     SendPeers();
     dispatcher_.PlanForWorkers();
   }
+  meter_.Assign(Now());
   auto tiles = dispatcher_.AssignTiles(Now());
   if (tiles.empty()) return;
   const FrameId oldest = dispatcher_.Frames().front()->id();

@@ -21,8 +21,10 @@
 #include "master/block_service.h"
 #include "master/cluster_status.h"
 #include "master/display/display.h"
+#include "master/job_meter.h"
 #include "master/jobs/job_frames.h"
 #include "master/jobs/jobs.h"
+#include "master/live_orders.h"
 #include "master/part_selections.h"
 #include "master/query_service.h"
 #include "master/schedule/dispatcher.h"
@@ -121,6 +123,8 @@ class Server {
   bool leaves_ = false;  ///< StartLeaving() was called
   double logged_s_ = 0;
   PartSelections selections_;
+  LiveOrders orders_;
+  JobMeter meter_;  ///< before `jobs_`, which ends meterings
   Jobs jobs_;
   JobFrames frames_;
   Dispatcher dispatcher_;

@@ -64,6 +64,11 @@ Status Server::OnWorkerStatus(WorkerRecord& worker, const Message& m) {
 
 Status Server::OnTileDone(WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const TileDone done, DecodeTileDone(m.table));
+  if (JobMeter::Owns(done.frame)) {
+    worker.responsiveness.Answered(false);  // it works, though not on frames
+    AssignSoon();
+    return meter_.Take(worker.id, done, m.raw);
+  }
   if (Display::Owns(done.frame)) {
     worker.responsiveness.Answered(false);  // it works, though not on jobs
     return display_ ? display_->OnTileDone(worker.id, done, m.raw) : Status{};
@@ -91,6 +96,7 @@ Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
     dispatcher_.GiveBack(worker.id, leave.frames[i], leave.leases[i]);
   if (std::exchange(worker.ready, false)) {
     Log(fmt::format("worker {} leaves and returns {} tiles", worker.name, leave.leases.size()));
+    meter_.RemoveWorker(worker.id);
     if (display_) display_->WorkerGone(worker.id);
     WorkersChanged();
   }

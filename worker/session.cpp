@@ -333,6 +333,7 @@ void Session::SendTile(const TileOrder& order, RenderedTile result) {
     SendStatus(false);  // first, so that a frame's statistics are complete with its last tile
     done.saturated = result.faults.saturated;
     done.not_numbers = result.faults.not_numbers;
+    done.long_light_rays = result.faults.long_light_rays;
     done.depths = std::move(result.depths);
     done.blocks = scene_->catalog.NumbersOf(result.blocks);
   }

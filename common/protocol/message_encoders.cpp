@@ -19,6 +19,7 @@ std::unique_ptr<wire::LightT> LightToWire(const Light& light) {
   w->cone_scale = light.cone_scale;
   w->cone_offset = light.cone_offset;
   w->angle = light.angle;
+  w->at_eye = light.at_eye;
   if (light.kind == LightKind::kRectangle)
     for (const glm::vec3& edge : light.edges) w->edges.insert(w->edges.end(), {edge.x, edge.y, edge.z});
   return w;
@@ -56,6 +57,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->bounces = view.bounces;
   w->sky = ToVector(view.sky.radiance);
   w->turbidity = view.sky.turbidity;
+  w->meters = view.meters;
   w->range = static_cast<int8_t>(view.range);
   return w;
 }
@@ -185,6 +187,7 @@ Bytes Encode(const TileDone& m) {
   w.compute_us = m.compute_us;
   w.saturated = m.saturated;
   w.not_numbers = m.not_numbers;
+  w.long_light_rays = m.long_light_rays;
   w.depths = m.depths;
   w.blocks = m.blocks;
   return PackTable<wire::TileDone>(w);

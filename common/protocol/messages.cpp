@@ -24,6 +24,7 @@ bool ReadLight(const wire::Light& l, Light& light) {
   light.cone_scale = l.cone_scale();
   light.cone_offset = l.cone_offset();
   light.angle = l.angle();
+  light.at_eye = l.at_eye();
   if (light.kind == LightKind::kRectangle) {
     if (SizeOf(l.edges()) != 6) return false;
     for (uint32_t i = 0; i < 6; ++i) light.edges[i / 3][static_cast<int>(i % 3)] = l.edges()->Get(i);
@@ -64,6 +65,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.bounces = w.bounces();
   view.sky.turbidity = w.turbidity();
   view.range = w.range();
+  view.meters = w.meters();
   return ReadSection(w.section(), view.section);
 }
 
@@ -234,8 +236,9 @@ Result<TileDone> DecodeTileDone(std::span<const std::byte> table) {
   std::vector<float> depths = Copy(w->depths());
   if (!std::ranges::all_of(depths, [](float depth) { return depth >= 0; }))
     return Fail("received an invalid result of a tile");
-  return TileDone{w->frame(),      w->tile(),         w->lease(),        w->rays(),      w->rays_suspended(),
-                  w->compute_us(), std::move(depths), Copy(w->blocks()), w->saturated(), w->not_numbers()};
+  return TileDone{w->frame(),          w->tile(),        w->lease(),          w->rays(),
+                  w->rays_suspended(), w->compute_us(),  std::move(depths),   Copy(w->blocks()),
+                  w->saturated(),      w->not_numbers(), w->long_light_rays()};
 }
 
 Result<RayOrder> DecodeRayOrder(std::span<const std::byte> table) {

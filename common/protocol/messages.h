@@ -100,7 +100,7 @@ struct TileDone {
   /// Per depth cell, row by row: t where the farthest primary ray ends. Empty unless for a job.
   std::vector<float> depths;
   std::vector<uint32_t> blocks;  ///< blocks that its rays touched, ascending; empty unless for a job
-  uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums, see FilmFaults
+  uint64_t saturated = 0, not_numbers = 0, long_light_rays = 0;  ///< see FilmFaults
 };
 /// A ray whose nearest hit is wanted, under a lease.
 struct RayOrder {

@@ -1,12 +1,46 @@
 #include "common/scene/default_view.h"
 
+#include <algorithm>
+
 namespace quarry {
+
+namespace {
+
+/// Where the default view of mode path has no other light inside, relative to DefaultSun() at the distance of
+/// things.
+constexpr float kLampStrength = 0.25f;
+
+Light DefaultLamp(const Framing& framing) {
+  Light lamp;
+  lamp.kind = LightKind::kPoint;
+  lamp.at_eye = true;
+  const auto distance = static_cast<float>(framing.inside_distance);
+  lamp.radiance *= kLampStrength * distance * distance;
+  return lamp;
+}
+
+/// Whether lights are the default ones with an axis up: the sun, and in interiors a lamp.
+bool AreDefault(const std::vector<Light>& lights, uint32_t axis) {
+  return !lights.empty() && lights.front() == DefaultSun(axis) &&
+         std::all_of(lights.begin() + 1, lights.end(), [](const Light& light) { return light.at_eye; });
+}
+
+}  // namespace
 
 std::vector<Light> DefaultLights(const SceneSummary& scene) {
   std::vector<Light> lights;
   for (const NamedLight& light : scene.views.lights) lights.push_back(ToLight(light, scene.offset));
-  if (lights.empty()) lights.push_back(DefaultSun(scene.framing.up_axis));
+  if (!lights.empty()) return lights;
+  lights.push_back(DefaultSun(scene.framing.up_axis));
+  if (scene.framing.interior && scene.framing.inside && !scene.shines)
+    lights.push_back(DefaultLamp(scene.framing));
   return lights;
+}
+
+void DropDefaultLamp(View& view) {
+  if (view.mode == RenderMode::kPath || view.lights.size() < 2) return;
+  for (const uint32_t axis : {1u, 2u})
+    if (AreDefault(view.lights, axis)) return view.lights.resize(1);
 }
 
 Sky DefaultSky(const SceneSummary& scene) {
@@ -16,8 +50,8 @@ Sky DefaultSky(const SceneSummary& scene) {
 
 void TurnDefaultSun(View& view) {
   for (const uint32_t axis : {1u, 2u})
-    if (view.up_axis == 3 - axis && view.lights == std::vector{DefaultSun(axis)}) {
-      view.lights = {DefaultSun(view.up_axis)};
+    if (view.up_axis == 3 - axis && AreDefault(view.lights, axis)) {
+      view.lights.front() = DefaultSun(view.up_axis);
       return;
     }
 }

@@ -5,12 +5,17 @@
 
 namespace quarry {
 
-/// Lights of a view that names none: the scene's own, else DefaultSun(). Thread-safe.
+/// Lights of a view that names none: the scene's own, else DefaultSun() and, in an interior where nothing
+/// shines, a lamp at the eye. DropDefaultLamp() takes the lamp away where it is not wanted. Thread-safe.
 std::vector<Light> DefaultLights(const SceneSummary& scene);
 
 /// The sky of a view that names neither lights nor a sky: a clear one where DefaultSun() is the only light.
 /// Thread-safe.
 Sky DefaultSky(const SceneSummary& scene);
+
+/// Takes the default lamp at the eye from a view whose mode is not path. For views whose lights are the
+/// default ones. Thread-safe.
+void DropDefaultLamp(View& view);
 
 /// Turns DefaultSun() to the up axis that the view names; other lights stay. For views whose lights are the
 /// default ones. Thread-safe.

@@ -58,6 +58,8 @@ struct Material {
   float ior = 1.0f;               ///< index of refraction, [1, 10]; 1: rays go straight on
   bool fresnel = false;           ///< whether Schlick's weights apply
   bool unlit = false;             ///< no light counts; vertex colours multiply the emission
+  /// The form that the file gave; the other is derived from it. Textures replace this one's values.
+  bool is_open_pbr = true;
 
   glm::vec3 base_color{0.8f};          ///< of the diffuse part, or of the metal
   float base_metalness = 0.0f;         ///< [0, 1]

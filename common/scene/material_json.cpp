@@ -45,6 +45,7 @@ Json ToJson(const Material& material) {
   json["transmission_color"] = ToJson(material.transmission_color);
   json["transmission_depth"] = material.transmission_depth;
   json["geometry_opacity"] = material.geometry_opacity;
+  if (material.is_open_pbr != AgreesWithOpenPbr(material)) json["is_open_pbr"] = material.is_open_pbr;
   return json;
 }
 
@@ -145,6 +146,8 @@ Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t 
   QUARRY_TRY(ReadNumber(json, member("transmission_depth"), 0.0f, kLargest, material.transmission_depth));
   QUARRY_TRY(ReadNumber(json, member("geometry_opacity"), 0.0f, 1.0f, material.geometry_opacity));
   if (!json.contains("diffuse")) DeriveWhitted(material, true);
+  material.is_open_pbr = AgreesWithOpenPbr(material);
+  QUARRY_TRY(ReadFlag(json, member("is_open_pbr"), material.is_open_pbr));
   return material;
 }
 

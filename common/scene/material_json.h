@@ -18,13 +18,14 @@ namespace quarry {
 ///                   "base_color": [..], "base_metalness": n, "specular_roughness": n, "specular_weight": n,
 ///                   "specular_color": [..], "specular_ior": n, "transmission_weight": n,
 ///                   "transmission_color": [..], "transmission_depth": n, "geometry_opacity": n,
-///                   "textures": [{"use": "diffuse", "file": "wood.png", "name": "wood", "coordinates": 0,
+///                   "is_open_pbr": true, "textures": [{"use": "diffuse", "file": "wood.png", "name": "wood",
+///                   "coordinates": 0,
 ///                                 "wrap_s": "repeat", "wrap_t": "clamp", "transform": [6 numbers],
 ///                                 "factor": [4 numbers], "cutoff": n}, ...]}, ...],
 ///    "parts": ["boiler 1", ...]}
 /// All members are optional. Without "base_color", it and the members after it are derived from the members
 /// before it (DeriveOpenPbr()); without "diffuse" the members before "base_color" are derived from the others
-/// (DeriveWhitted()).
+/// (DeriveWhitted()). "is_open_pbr" says which form the file gave, where both are there: see Material.
 /// A texture needs "use" (diffuse, specular, emission, opacity, normal, bump or metal_roughness) and "file";
 /// wraps are repeat, clamp or mirror. See TextureBinding.
 struct MaterialLibrary {

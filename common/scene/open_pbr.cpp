@@ -83,12 +83,16 @@ void DeriveOpenPbr(Material& m) {
   m.transmission_weight = glass ? passes : 0.0f;
   m.transmission_color = glass ? m.transmittance / passes : glm::vec3(1);
   m.transmission_depth = 0;
+  m.is_open_pbr = false;
 }
 
-void DeriveWhitted(Material& m, bool bends) { ToWhitted(m, bends); }
+void DeriveWhitted(Material& m, bool bends) {
+  ToWhitted(m, bends);
+  m.is_open_pbr = true;
+}
 void DeriveWhitted(SurfaceProperties& m, bool bends) { ToWhitted(m, bends); }
 
-bool IsOpenPbr(const Material& m) {
+bool AgreesWithOpenPbr(const Material& m) {
   SurfaceProperties d(m);
   DeriveWhitted(d, m.ior > 1);
   return d.diffuse == m.diffuse && d.specular == m.specular && d.reflectance == m.reflectance &&

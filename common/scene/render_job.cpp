@@ -16,6 +16,7 @@ std::string Describe(const RenderJob& job) {
 View FrameView(const RenderJob& job, size_t frame) {
   View view = job.view;
   view.camera = job.cameras[frame];
+  PlaceEyeLights(view);
   return view;
 }
 

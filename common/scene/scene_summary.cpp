@@ -61,10 +61,23 @@ Result<NamedLight> ReadNamedLight(const JsonValue& json) {
   QUARRY_ASSIGN(light.name, name.Text());
   QUARRY_ASSIGN(const JsonValue type, json.Member("type"));
   QUARRY_ASSIGN(const std::string kind, type.Text());
-  if (kind != "sun" && kind != "spot" && kind != "point") return type.Wrong("is not a kind of light");
-  light.kind = kind == "sun" ? LightKind::kSun : LightKind::kPoint;
+  if (kind != "sun" && kind != "spot" && kind != "point" && kind != "rectangle")
+    return type.Wrong("is not a kind of light");
+  light.kind = kind == "sun"         ? LightKind::kSun
+               : kind == "rectangle" ? LightKind::kRectangle
+                                     : LightKind::kPoint;
   if (kind != "sun") QUARRY_TRY(ReadTriple(json, "position", light.position));
-  if (kind != "point") QUARRY_TRY(ReadTriple(json, "direction", light.direction));
+  if (kind == "sun" || kind == "spot") QUARRY_TRY(ReadTriple(json, "direction", light.direction));
+  if (kind == "rectangle") {
+    QUARRY_ASSIGN(const JsonValue edges, json.Member("edges"));
+    QUARRY_ASSIGN(const std::vector<JsonValue> list, edges.List());
+    if (list.size() != 2) return edges.Wrong("must be two sides");
+    for (size_t i = 0; i < 2; ++i) {
+      double side[3];
+      QUARRY_TRY(list[i].Numbers(side, -kMost, kMost));
+      light.edges[i] = glm::vec3(glm::dvec3(side[0], side[1], side[2]));
+    }
+  }
   QUARRY_TRY(ReadTriple(json, "radiance", light.radiance));
   if (kind == "spot") {
     QUARRY_ASSIGN(const JsonValue cone, json.Member("cone_cosines"));
@@ -149,11 +162,17 @@ ordered_json CamerasToJson(const SceneViews& views) {
 ordered_json LightsToJson(const SceneViews& views) {
   auto list = ordered_json::array();
   for (const NamedLight& light : views.lights) {
-    const bool sun = light.kind == LightKind::kSun, cone = !sun && light.cos_outer > -1;
-    ordered_json j{{"name", light.name}, {"type", sun ? "sun" : cone ? "spot" : "point"}};
+    const bool sun = light.kind == LightKind::kSun, flat = light.kind == LightKind::kRectangle;
+    const bool cone = !sun && !flat && light.cos_outer > -1;
+    ordered_json j{{"name", light.name},
+                   {"type", sun    ? "sun"
+                            : flat ? "rectangle"
+                            : cone ? "spot"
+                                   : "point"}};
     if (!sun) j["position"] = Triple(light.position);
     if (sun || cone) j["direction"] = Triple(light.direction);
     j["radiance"] = Triple(light.radiance);
+    if (flat) j["edges"] = {Triple(light.edges[0]), Triple(light.edges[1])};
     if (cone) j["cone_cosines"] = {light.cos_inner, light.cos_outer};
     list.push_back(std::move(j));
   }
@@ -168,6 +187,10 @@ Result<SceneSummary> ReadSceneSummary(const JsonValue& json) {
   QUARRY_ASSIGN(summary.plain, plain.Flag());
   QUARRY_ASSIGN(const JsonValue shines, json.Member("shines"));
   QUARRY_ASSIGN(summary.shines, shines.Flag());
+  QUARRY_ASSIGN(const std::optional<JsonValue> names, json.Optional("names_emitters"));
+  if (names) {
+    QUARRY_ASSIGN(summary.names_emitters, names->Flag());
+  }
   QUARRY_TRY(ReadTriple(json, "offset", summary.offset));
   QUARRY_ASSIGN(const JsonValue cameras, json.Member("cameras"));
   QUARRY_TRY(ReadCameras(cameras, summary.views.cameras));

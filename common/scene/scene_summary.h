@@ -18,7 +18,8 @@ struct SceneSummary {
   bool plain = false;    ///< no textures and no colours, see IsPlain()
   SceneViews views;
   Framing framing;
-  bool shines = false;  ///< some triangles shine, see Catalog::emitters
+  bool shines = false;         ///< see Shines()
+  bool names_emitters = true;  ///< see Catalog::names_emitters
 };
 
 /// A framing and its named parts as JSON, in the model's coordinates.

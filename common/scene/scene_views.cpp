@@ -20,7 +20,9 @@ bool IsSane(const CameraSpec& c) {
 
 bool IsSane(const NamedLight& l) {
   const auto cosine = [](float x) { return x >= -1 && x <= 1; };
-  return l.kind <= LightKind::kPoint && IsFinite(l.position) && IsFinite(l.direction) &&
+  const bool flat = l.kind == LightKind::kRectangle;
+  if (flat && (!IsFinite(l.edges[0]) || !IsFinite(l.edges[1]) || !HasArea(l.edges))) return false;
+  return (flat || l.kind <= LightKind::kPoint) && IsFinite(l.position) && IsFinite(l.direction) &&
          l.direction != glm::vec3(0) && IsFinite(l.radiance) && l.radiance.x >= 0 && l.radiance.y >= 0 &&
          l.radiance.z >= 0 && cosine(l.cos_inner) && cosine(l.cos_outer) && l.cos_outer <= l.cos_inner;
 }
@@ -34,6 +36,10 @@ Light ToLight(const NamedLight& light, const glm::dvec3& offset) {
     return out;
   }
   out.vector = glm::vec3(light.position - offset);
+  if (light.kind == LightKind::kRectangle) {
+    std::copy_n(light.edges, 2, out.edges);
+    return out;
+  }
   if (light.cos_outer <= -1) return out;
   out.axis = light.direction;
   out.cone_scale = 1 / std::max(light.cos_inner - light.cos_outer, 0.001f);

@@ -18,11 +18,12 @@ struct NamedCamera {
 struct NamedLight {
   std::string name;
   LightKind kind = LightKind::kPoint;
-  glm::dvec3 position{0};        ///< of a point light
+  glm::dvec3 position{0};        ///< of a point light; the centre of a rectangle
   glm::vec3 direction{0, 0, 1};  ///< sun: toward the sun; point: axis of its cone, away from the light
   glm::vec3 radiance{1};         ///< as in Light
   float cos_inner = 1;           ///< cosine of the inner cone, in which the light shines in full
   float cos_outer = -1;          ///< cosine of the outer cone, outside of which it is dark; -1: no cone
+  glm::vec3 edges[2] = {glm::vec3(0), glm::vec3(0)};  ///< rectangle: its sides, as in Light
 
   bool operator==(const NamedLight&) const = default;
 };

@@ -12,15 +12,6 @@ bool Finite(const V& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// Whether a rectangle's sides span an area that floats can hold.
-bool HasArea(const Light& light) {
-  const glm::dvec3 a(light.edges[0]), b(light.edges[1]);
-  const glm::dvec3 cross{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
-  const double area = std::sqrt(cross.x * cross.x + cross.y * cross.y + cross.z * cross.z);
-  const double sides = std::sqrt((a.x * a.x + a.y * a.y + a.z * a.z) * (b.x * b.x + b.y * b.y + b.z * b.z));
-  return area > 1e-30 && area < 1e30 && area > 1e-6 * sides;
-}
-
 template <class V>
 bool Nonnegative(const V& v) {
   return Finite(v) && v.x >= 0 && v.y >= 0 && v.z >= 0;
@@ -62,6 +53,19 @@ uint32_t WordsPerPixel(uint32_t aov_mask) {
   return words;
 }
 
+bool HasArea(const glm::vec3 (&edges)[2]) {
+  const glm::dvec3 a(edges[0]), b(edges[1]);
+  const glm::dvec3 cross{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+  const double area = std::sqrt(cross.x * cross.x + cross.y * cross.y + cross.z * cross.z);
+  const double sides = std::sqrt((a.x * a.x + a.y * a.y + a.z * a.z) * (b.x * b.x + b.y * b.y + b.z * b.z));
+  return area > 1e-30 && area < 1e30 && area > 1e-6 * sides;
+}
+
+void PlaceEyeLights(View& view) {
+  for (Light& light : view.lights)
+    if (light.kind == LightKind::kPoint && light.at_eye) light.vector = glm::vec3(view.camera.eye);
+}
+
 Status NormalizeView(View& view) {
   if (view.width == 0 || view.height == 0 || view.width > kMaxImageSide || view.height > kMaxImageSide)
     return BadUsage(fmt::format("the image size {}x{} must lie between 1 and {} a side", view.width,
@@ -84,12 +88,13 @@ Status NormalizeView(View& view) {
   if (std::abs(view.range) > kMostRange) return BadUsage("a view's range is too large");
   if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
+  PlaceEyeLights(view);
   for (Light& light : view.lights) {
     if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
         !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset) ||
         !(light.angle >= 0 && light.angle <= 90) || !Finite(light.edges[0]) || !Finite(light.edges[1]))
       return BadUsage("a light has an invalid value");
-    if (light.kind == LightKind::kRectangle && !HasArea(light))
+    if (light.kind == LightKind::kRectangle && !HasArea(light.edges))
       return BadUsage("a rectangle that shines has no area");
     if (light.kind != LightKind::kSun) continue;
     const float length = std::sqrt(light.vector.x * light.vector.x + light.vector.y * light.vector.y +

@@ -50,6 +50,7 @@ struct Light {
   float angle = 0.53f;  ///< sun, in mode path: of its disc, degrees, [0, 90]; 0: parallel rays
   /// Rectangle: its sides. Its front is where their cross product points.
   glm::vec3 edges[2] = {glm::vec3(0), glm::vec3(0)};
+  bool at_eye = false;  ///< point: NormalizeView() and FrameView() put it where the camera is
   bool operator==(const Light&) const = default;
 };
 
@@ -98,6 +99,9 @@ struct View {
   /// Radiance is summed times 2^range, so that noon and candlelight fit sums. Pictures hold it as it is. Set
   /// by who knows the scene, see RangeOf(). In [-kMostRange, kMostRange].
   int range = 0;
+  /// kPath: the picture is for an exposure. Light is left out that comes to the eye straight from suns and
+  /// rectangles, or by mirrors and glass from these and from surfaces that shine.
+  bool meters = false;
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
   bool operator==(const View&) const = default;
@@ -120,7 +124,12 @@ inline constexpr uint32_t DepthCells(uint32_t pixels) { return (pixels + kDepthC
 /// Errors (usage): a camera that sees nothing, or a value that is no number; one sentence.
 Status CheckCamera(const CameraSpec& camera);
 
-/// Fills in a whole-image crop, and makes directions of suns unit vectors.
+/// Whether a rectangle's sides span an area that floats can hold.
+bool HasArea(const glm::vec3 (&edges)[2]);
+/// Moves the lights that are at the eye to the view's camera.
+void PlaceEyeLights(View& view);
+
+/// Fills in a whole-image crop, makes directions of suns unit vectors, and places lights at the eye.
 /// Errors (usage): a size, count, direction or mode is out of range; one sentence.
 Status NormalizeView(View& view);
 

@@ -15,6 +15,8 @@ namespace quarry {
 namespace {
 
 /// Kinds of lights by their numbers.
+/// The position of a light that the camera carries.
+constexpr const char* kAtEye = "eye";
 constexpr std::string_view kLightNames[kLightKinds] = {"sun", "point", "rectangle"};
 
 using nlohmann::ordered_json;
@@ -174,6 +176,7 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
   ordered_json j = {{"type", kLightNames[static_cast<int>(light.kind)]},
                     {sun ? "direction" : "position", ToJson(sun ? vector : vector + offset)},
                     {"radiance", ToJson(light.radiance)}};
+  if (light.kind == LightKind::kPoint && light.at_eye) j["position"] = kAtEye;
   if (sun && light.angle != Light().angle) j["angle"] = light.angle;
   if (light.kind == LightKind::kRectangle)
     j["edges"] = {ToJson(glm::dvec3(light.edges[0])), ToJson(glm::dvec3(light.edges[1]))};
@@ -321,9 +324,12 @@ Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
   Light light;
   light.kind = static_cast<LightKind>(known - kLightNames);
   QUARRY_ASSIGN(const JsonValue place, object.Member(kind == "sun" ? "direction" : "position"));
-  glm::dvec3 vector;
-  QUARRY_TRY(ReadVector(place, -kMostFloat, kMostFloat, vector));
-  light.vector = glm::vec3(kind == "sun" ? vector : vector - offset);
+  light.at_eye = light.kind == LightKind::kPoint && place.Text().value_or("") == kAtEye;
+  if (!light.at_eye) {
+    glm::dvec3 vector;
+    QUARRY_TRY(ReadVector(place, -kMostFloat, kMostFloat, vector));
+    light.vector = glm::vec3(kind == "sun" ? vector : vector - offset);
+  }
   QUARRY_ASSIGN(const JsonValue radiance, object.Member("radiance"));
   QUARRY_TRY(ReadColour(radiance, light.radiance));
   QUARRY_TRY(ReadOptional(object, "cone", ReadCone, light));

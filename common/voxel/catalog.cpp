@@ -19,7 +19,8 @@ namespace {
 constexpr size_t kMetaBytes = 192;
 constexpr uint32_t kMasksFlag = 1, kUncoloredFlag = 2;  // of META
 constexpr size_t kVoxelBytes = 72;
-constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2;  // flags of a material
+// Flags of a material. The last two say which form the file gave; earlier versions wrote neither.
+constexpr uint32_t kFresnelFlag = 1, kUnlitFlag = 2, kOpenPbrFlag = 4, kWeightsFlag = 8, kMaterialFlags = 15;
 /// Laid out in treelets, two nodes take at most nine slots with headers and alignment, and links number
 /// slots.
 constexpr size_t kMostTopNodes = KdNode::kMaxLink / 5;
@@ -220,6 +221,12 @@ uint64_t Catalog::DecodedBytes() const {
   return bytes;
 }
 
+bool Shines(const Catalog& catalog) {
+  if (catalog.names_emitters) return !catalog.emitters.empty();
+  return std::ranges::any_of(catalog.materials,
+                             [](const Material& m) { return !m.unlit && m.emission != glm::vec3(0); });
+}
+
 bool IsPlain(const Catalog& catalog) {
   const auto& materials = catalog.materials;
   return catalog.meta.uncolored && catalog.textures.empty() &&
@@ -297,7 +304,8 @@ void PutMaterial(const Material& m, ByteWriter& out) {
     out.PutVec3(*color);
   out.Put(m.shininess);
   out.Put(m.ior);
-  out.Put((m.fresnel ? kFresnelFlag : 0u) | (m.unlit ? kUnlitFlag : 0u));
+  out.Put((m.fresnel ? kFresnelFlag : 0u) | (m.unlit ? kUnlitFlag : 0u) |
+          (m.is_open_pbr ? kOpenPbrFlag : kWeightsFlag));
   for (const glm::vec3* color : {&m.base_color, &m.specular_color, &m.transmission_color})
     out.PutVec3(*color);
   for (const float x : {m.base_metalness, m.specular_roughness, m.specular_weight, m.specular_ior,
@@ -319,7 +327,9 @@ Material GetMaterial(ByteReader& in) {
   for (float* x : {&m.base_metalness, &m.specular_roughness, &m.specular_weight, &m.specular_ior,
                    &m.transmission_weight, &m.transmission_depth, &m.geometry_opacity})
     *x = in.Get<float>();
-  if ((flags & ~(kFresnelFlag | kUnlitFlag)) != 0) in.GetSpan(~uint64_t{0});
+  const uint32_t form = flags & (kOpenPbrFlag | kWeightsFlag);
+  m.is_open_pbr = form != 0 ? form == kOpenPbrFlag : AgreesWithOpenPbr(m);
+  if ((flags & ~kMaterialFlags) != 0 || form == (kOpenPbrFlag | kWeightsFlag)) in.GetSpan(~uint64_t{0});
   return m;
 }
 
@@ -356,6 +366,7 @@ Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>&
   QUARRY_TRY(DecodeTexturing(sections, places, catalog));
   if (const SectionView* emitters = Find(sections, SectionType::kEmitters)) {
     QUARRY_ASSIGN(catalog.emitters, DecodeEmitters(emitters->bytes, catalog));
+    catalog.names_emitters = true;
   }
   return catalog;
 }

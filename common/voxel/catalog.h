@@ -134,6 +134,7 @@ struct Catalog {
   std::vector<VoxelBounds> bounds;  ///< per voxel, grown by the padding
   std::vector<Material> materials;  ///< names are left out
   std::vector<Emitter> emitters;    ///< the strongest, by ascending triangle
+  bool names_emitters = false;      ///< false: the store was made by a version that named none
   std::vector<Texture> textures;
   std::vector<TextureShape> shapes;     ///< by texture
   std::vector<uint32_t> first_page{0};  ///< by texture, and one past the last: pages of earlier textures
@@ -179,6 +180,9 @@ struct Catalog {
 /// Whether nothing but shape tells the surfaces of a scene apart: no textures, no colours of vertices, and
 /// one colour of all materials.
 bool IsPlain(const Catalog& catalog);
+/// Whether some triangles shine, so that a picture needs no other light. Where the store names no emitters, a
+/// material tells.
+bool Shines(const Catalog& catalog);
 
 /// The box of the voxels of a leaf, within its cell. Voxels are left out where is_hidden(voxel) is true; a
 /// leaf without voxels has its cell.

@@ -111,7 +111,8 @@ nlohmann::ordered_json DescribeFacts(const StoreReader& store) {
   j["dropped_transparent_triangles"] = m.dropped_transparent;
   j["opacity_masks"] = m.masks;
   j["plain"] = IsPlain(c);
-  j["shines"] = !c.emitters.empty();
+  j["shines"] = Shines(c);
+  j["names_emitters"] = c.names_emitters;
   j["voxels"] = c.voxels.size();
   j["chained_voxels"] = t.chained;
   j["stored_triangle_references"] = m.stored_references;

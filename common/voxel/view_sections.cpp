@@ -6,6 +6,8 @@ namespace quarry {
 namespace {
 
 constexpr size_t kCameraBytes = 96, kLightBytes = 64;
+/// Follows the entry of a rectangle: its sides.
+constexpr uint32_t kSidesEntry = 3;
 
 uint32_t AddName(const std::string& name, std::string& strings) {
   const auto at = static_cast<uint32_t>(strings.size());
@@ -37,6 +39,11 @@ Bytes EncodeLights(const std::vector<NamedLight>& lights, std::string& strings) 
     out.PutVec3(light.radiance);
     out.Put(light.cos_inner);
     out.Put(light.cos_outer);
+    if (light.kind != LightKind::kRectangle) continue;
+    out.Put(uint32_t{0});
+    out.Put(kSidesEntry);
+    for (const glm::vec3& edge : light.edges) out.PutVec3(edge);
+    out.PutArray(std::array<uint32_t, 8>{});
   }
   return out.Take();
 }
@@ -59,12 +66,13 @@ Result<std::vector<NamedCamera>> DecodeCameras(std::span<const std::byte> bytes,
 }
 
 Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, const NameLookup& name_at) {
-  if (bytes.size() % kLightBytes != 0 || bytes.size() / kLightBytes > kMaxLights)
+  if (bytes.size() % kLightBytes != 0 || bytes.size() / kLightBytes > 2 * kMaxLights)
     return Fail("the LITE section has the wrong size");
   ByteReader in(bytes);
-  std::vector<NamedLight> lights(bytes.size() / kLightBytes);
-  for (size_t i = 0; i < lights.size(); ++i) {
-    NamedLight& light = lights[i];
+  std::vector<NamedLight> lights;
+  while (in.remaining() > 0) {
+    const size_t i = lights.size();
+    NamedLight& light = lights.emplace_back();
     QUARRY_ASSIGN(light.name, name_at(in.Get<uint32_t>()));
     const auto kind = in.Get<uint32_t>();
     light.kind = static_cast<LightKind>(kind);
@@ -73,7 +81,14 @@ Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, c
     light.radiance = in.GetVec3<glm::vec3>();
     light.cos_inner = in.Get<float>();
     light.cos_outer = in.Get<float>();
-    if (kind > static_cast<uint32_t>(LightKind::kPoint) || !IsSane(light))
+    bool right = kind < kLightKinds;
+    if (light.kind == LightKind::kRectangle) {
+      in.Get<uint32_t>();
+      right = in.Get<uint32_t>() == kSidesEntry;
+      for (glm::vec3& edge : light.edges) edge = in.GetVec3<glm::vec3>();
+      in.GetSpan(32);
+    }
+    if (!right || !in.ok() || !IsSane(light) || i == kMaxLights)
       return Fail(fmt::format("the LITE section's light {} is invalid", i));
   }
   return lights;

@@ -65,9 +65,13 @@ Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& stor
   QUARRY_ASSIGN(StoreReader reader, OpenStore(store, http));
   const Scene scene(std::make_shared<const StoreReader>(std::move(reader)));
   const SceneMeta& meta = scene.catalog().meta;
-  SceneSummary summary{
-      FormatSceneId(scene.catalog().id), meta.offset, IsPlain(scene.catalog()), scene.store().views(), {},
-      !scene.catalog().emitters.empty()};
+  SceneSummary summary{FormatSceneId(scene.catalog().id),
+                       meta.offset,
+                       IsPlain(scene.catalog()),
+                       scene.store().views(),
+                       {},
+                       Shines(scene.catalog()),
+                       scene.catalog().names_emitters};
   QUARRY_ASSIGN(const uint32_t up_axis, UpAxisOf(a));
   if (NeedsFraming(a)) {
     QUARRY_ASSIGN(summary.framing, ProbeFraming(scene, up_axis, WantsInside(a)));
@@ -152,7 +156,8 @@ std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohma
 std::vector<std::string> NamesOfLights(const View& view) {
   static const char* const kNames[kLightKinds] = {"sun", "point", "rectangle"};
   std::vector<std::string> names;
-  for (const Light& light : view.lights) names.emplace_back(kNames[static_cast<size_t>(light.kind)]);
+  for (const Light& light : view.lights)
+    names.emplace_back(light.at_eye ? "lamp at the eye" : kNames[static_cast<size_t>(light.kind)]);
   if (view.mode == RenderMode::kPath && view.sky.shines()) names.emplace_back("sky");
   return names;
 }
@@ -187,6 +192,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["leases_lost"] = count("leases_lost");
   j["saturated_terms"] = count("saturated_terms");
   j["nan_terms"] = count("nan_terms");
+  j["long_light_rays"] = count("long_light_rays");
   j["frames"] = frames;
   return WriteFileAtomically(
       a.stats, AsBytes(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n"));
@@ -224,6 +230,9 @@ Result<Prepared> Prepare(const RenderArguments& a, const Security& security) {
   }
   QUARRY_TRY(PlaceInScene(a, scene, job));
   QUARRY_TRY(WriteView(a, scene, job));
+  if (!a.quiet && job.view.mode == RenderMode::kPath && scene.shines && !scene.names_emitters)
+    Log("note: an earlier version made this store, which names no triangles that shine: their light is found "
+        "by chance, with more noise. Make the store again.");
   QUARRY_ASSIGN(const SceneId id, ParseSceneId(scene.scene_id));
   return Prepared{std::move(job), std::move(store), id};
 }

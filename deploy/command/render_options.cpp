@@ -180,6 +180,7 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
   // The scene's own emitters are its light.
   if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};
   view.lights = DefaultLights(scene);
+  DropDefaultLamp(view);
   if (follows_light && !view.sky.shines()) view.sky = DefaultSky(scene);
   return {};
 }

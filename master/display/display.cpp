@@ -61,7 +61,8 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
       workers_(workers),
       access_(std::move(access)),
       log_(std::move(log)),
-      dispatcher_(*this, FirstFrame()),
+      orders_(workers),
+      dispatcher_(orders_, FirstFrame()),
       rays_([this](uint32_t worker, const RayOrder& order) {
         WorkerRecord* w = workers_.FindById(worker);
         if (!w) return;
@@ -138,23 +139,6 @@ void Display::Notify(const std::string& sentence) {
 void Display::WorkerFailed(const std::string& sentence) {
   failure_ = sentence;
   SendState();
-}
-
-void Display::SetUp(uint32_t worker, FrameId frame, const View& view) {
-  WorkerRecord* w = workers_.FindById(worker);
-  if (!w) return;
-  w->TellSelection(view.parts);
-  w->connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame, view, 0}));
-}
-
-void Display::Order(uint32_t worker, TileOrder order) {
-  if (const WorkerRecord* w = workers_.FindById(worker))
-    w->connection->Send(MakeMessage(MessageType::kTile, order));
-}
-
-void Display::End(uint32_t worker, std::vector<FrameId> frames) {
-  if (const WorkerRecord* w = workers_.FindById(worker))
-    w->connection->Send(MakeMessage(MessageType::kFramesEnd, FramesEnd{std::move(frames)}));
 }
 
 Status Display::OnTileDone(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels) {

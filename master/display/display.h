@@ -15,6 +15,8 @@
 #include "master/display/parts/parts_page.h"
 #include "master/display/socket_refusals.h"
 #include "master/display/viewer.h"
+#include "master/job_meter.h"
+#include "master/live_orders.h"
 #include "master/query_service.h"
 #include "master/worker_registry.h"
 
@@ -23,7 +25,7 @@ namespace quarry {
 /// The live view: an HTTP server with the page, its viewers, and the tiles that workers trace for them. Runs
 /// on the io_context's thread, where it also sends orders to workers; images are encoded on a thread of its
 /// own.
-class Display : private LiveDispatcher::Sink {
+class Display {
  public:
   /// Listens. `io`, `scene`, `workers`, `queries` and the objects that `jobs` uses outlive it. Errors: as
   /// HttpServer::Open() and Access::Make(); (usage) an invalid viewer URL.
@@ -32,7 +34,7 @@ class Display : private LiveDispatcher::Sink {
                                                WorkerRegistry& workers, QueryService& queries,
                                                SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log);
-  ~Display() override;
+  ~Display();
 
   /// The address with the token, which gives a browser access.
   std::string url() const;
@@ -40,7 +42,7 @@ class Display : private LiveDispatcher::Sink {
   uint16_t port() const { return server_->port(); }
 
   /// Whether a frame is the display's and not a job's.
-  static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame; }
+  static bool Owns(FrameId frame) { return frame >= kFirstLiveFrame && !JobMeter::Owns(frame); }
   /// The worker has the scene and takes tiles.
   void WorkerReady(const WorkerRecord& worker);
   /// The worker takes no more tiles. `lost`: the sentence for viewers; empty when it has left in order.
@@ -61,11 +63,6 @@ class Display : private LiveDispatcher::Sink {
           PartSelections& selections, WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
           std::function<void(const std::string&)> log);
 
-  // LiveDispatcher::Sink
-  void SetUp(uint32_t worker, FrameId frame, const View& view) override;
-  void Order(uint32_t worker, TileOrder order) override;
-  void End(uint32_t worker, std::vector<FrameId> frames) override;
-
   HttpResponse OnRequest(const HttpRequest& request);
   HttpResponse OnPrivate(const HttpRequest& request, const std::string& name) const;
   HttpResponse OnLostUpgrade(const HttpRequest& request);
@@ -84,6 +81,7 @@ class Display : private LiveDispatcher::Sink {
   WorkerRegistry& workers_;
   const Access access_;
   const std::function<void(const std::string&)> log_;
+  LiveOrders orders_;
   LiveDispatcher dispatcher_;
   RayDispatcher rays_;
   LiveStats stats_;

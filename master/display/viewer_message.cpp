@@ -37,6 +37,7 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
   if (!lights) {
     TurnDefaultSun(view);
     DropDefaultSun(view);
+    DropDefaultLamp(view);
   }
   if (view.aov_mask != 0) return object.Wrong("has layers, which a live view does not show");
   const auto& exposure = description.format.exposure;

@@ -36,7 +36,10 @@ ordered_json NamedViews(const SceneSummary& scene) {
 ordered_json Modes() {
   auto modes = ordered_json::array();
   for (const RenderModeInfo& mode : kRenderModeInfo)
-    modes.push_back({{"name", mode.name}, {"label", mode.label}});
+    modes.push_back({{"name", mode.name},
+                     {"label", mode.label},
+                     {"uses_lights", mode.uses_lights},
+                     {"tone", kToneCurveNames[static_cast<int>(mode.tone)]}});
   return modes;
 }
 
@@ -47,11 +50,25 @@ SceneSummary Turned(SceneSummary scene) {
   return scene;
 }
 
+/// The default view as it is shown first.
+ordered_json Shown(const ViewDescription& defaults, const SceneSummary& scene) {
+  View view = defaults.view;
+  DropDefaultLamp(view);
+  return ViewToJson(view, {}, scene.offset);
+}
+
+/// The lamp at the eye of the default view in mode path; null: none.
+ordered_json LampOf(const ViewDescription& defaults, const SceneSummary& scene) {
+  const ordered_json lights = ViewToJson(defaults.view, {}, scene.offset)["lights"];
+  return Shown(defaults, scene)["lights"] == lights ? ordered_json() : lights.back();
+}
+
 /// The lights of the default view with the scene's other axis up.
 ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& scene) {
   View view = defaults.view;
   view.up_axis = Turned(scene).framing.up_axis;
   TurnDefaultSun(view);
+  DropDefaultLamp(view);
   return ViewToJson(view, {}, scene.offset)["lights"];
 }
 
@@ -93,9 +110,10 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"turned_views", NamedViews(Turned(scene))},
                          {"turned_lights", TurnedLights(defaults, scene)},
                          {"shines", DropsSun(defaults)},
+                         {"lamp", LampOf(defaults, scene)},
                          {"cameras", std::move(cameras)}}},
                        {"modes", Modes()},
-                       {"view", ViewToJson(defaults.view, {}, scene.offset)},
+                       {"view", Shown(defaults, scene)},
                        {"limits", {{"most_pixels", most_pixels}, {"most_side", kMostSide}}}};
   return j.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }

@@ -132,8 +132,7 @@ std::optional<JobFrame> Jobs::Begin() {
     JobFrame begun{job, index, FrameView(job->job, index), nullptr};
     begun.memory = memory_.Take(FrameBytes(begun.view, job->job.format));
     if (job->suspect) suspect_ = begun.memory;
-    // At once, beside the workers: it takes blocks from the disk.
-    if (!std::exchange(job->metering, true)) asio::post(*encoder_, [this, job] { (void)ExposureOf(*job); });
+    Meter(job);
     return begun;
   }
   return std::nullopt;
@@ -188,14 +187,18 @@ std::vector<JobFrame> Jobs::Upcoming(size_t most) const {
 
 void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics) {
   ++encoding_;
-  asio::post(*encoder_, [this, frame = std::move(frame), pixels = std::move(pixels),
-                         statistics = std::move(statistics)]() mutable {
-    const auto ev = ExposureOf(*frame.job);
+  const std::shared_ptr<Job> job = frame.job;
+  waiting_.push_back({std::move(frame), std::move(pixels), std::move(statistics)});
+  if (job->ev) Metered(job, *job->ev);
+}
+
+void Jobs::Encode(Rendered rendered, double ev) {
+  asio::post(*encoder_, [this, ev, frame = std::move(rendered.frame), pixels = std::move(rendered.pixels),
+                         statistics = std::move(rendered.statistics)]() mutable {
     auto image =
-        ev ? WithinLimits([&] { return EncodeImage(frame.view, frame.job->job.format, scene_, *ev, pixels); })
-           : Result<Bytes>(tl::unexpected<Error>(ev.error()));
+        WithinLimits([&] { return EncodeImage(frame.view, frame.job->job.format, scene_, ev, pixels); });
     pixels = {};
-    if (ev) statistics = WithExposure(statistics, *ev);
+    statistics = WithExposure(statistics, ev);
     if (image && image->size() > kMostImageBytes)
       image = quarry::Fail(fmt::format(
           "the picture takes {} as {}, and at most {} can be sent; render parts of it with --crop",
@@ -211,15 +214,28 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
   });
 }
 
-/// The EV of the job's PNGs, metered once. On the encoder's thread.
-Result<double> Jobs::ExposureOf(Job& job) {
-  if (job.job.format.name != "png") return 0;
-  if (job.job.format.exposure) return *job.job.format.exposure;
-  if (!job.ev) {
-    QUARRY_ASSIGN(job.ev,
-                  WithinLimits([&] { return callbacks_.meter(FrameView(job.job), stop_.get_token()); }));
-  }
-  return *job.ev;
+/// Sets the EV of the job's PNGs, or has it metered, once.
+void Jobs::Meter(const std::shared_ptr<Job>& job) {
+  if (std::exchange(job->metering, true)) return;
+  const ImageFormat& format = job->job.format;
+  if (format.name != "png")
+    job->ev = 0;
+  else if (format.exposure)
+    job->ev = format.exposure;
+  else if (!InfoOf(job->job.view.mode).metered)
+    job->ev = 0;
+  else
+    callbacks_.meter(*job, [this, job](double ev) { Metered(job, ev); });
+}
+
+/// Encodes the frames that have waited for their job's exposure.
+void Jobs::Metered(const std::shared_ptr<Job>& job, double ev) {
+  job->ev = ev;
+  for (Rendered& rendered : std::exchange(waiting_, {}))
+    if (rendered.frame.job == job)
+      Encode(std::move(rendered), ev);
+    else
+      waiting_.push_back(std::move(rendered));
 }
 
 /// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.
@@ -268,6 +284,8 @@ void Jobs::Fail(std::shared_ptr<Job> job, const std::string& sentence) {
 void Jobs::Remove(std::shared_ptr<Job> job) {
   callbacks_.on_over(*job);
   job->over = true;
+  encoding_ -= static_cast<int>(
+      std::erase_if(waiting_, [&](const Rendered& rendered) { return rendered.frame.job == job; }));
   if (spool_) spool_->Remove(job->id);
   std::erase(jobs_, job);
 }

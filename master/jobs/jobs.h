@@ -39,8 +39,9 @@ class Jobs {
     std::function<void()> on_work;            ///< a frame may be begun
     std::function<void(const Job&)> on_over;  ///< the job is over: done, failed or abandoned
     std::function<void(const std::string&)> log;
-    /// The exposure of a job's first view; called on a thread of this class.
-    std::function<Result<double>(const View&, std::stop_token)> meter;
+    /// Begins to meter the exposure (EV) of a job's first view. `done` is called with it, later, unless the
+    /// job is over.
+    std::function<void(const Job&, std::function<void(double)> done)> meter;
     /// Sets the selection of a view's parts. Empty: views have none.
     std::function<Status(View&)> complete = {};
   };
@@ -82,11 +83,20 @@ class Jobs {
   void DropAbandoned(double now_s);
 
  private:
+  /// A frame whose pixels are there.
+  struct Rendered {
+    JobFrame frame;
+    std::vector<uint32_t> pixels;
+    std::string statistics;
+  };
+
+  void Encode(Rendered rendered, double ev);
   void Remove(std::shared_ptr<Job> job);
   Status Complete(RenderJob& job) const;
   bool HasRoom(const Job& job);
   bool DropLastImage();
-  Result<double> ExposureOf(Job& job);
+  void Meter(const std::shared_ptr<Job>& job);
+  void Metered(const std::shared_ptr<Job>& job, double ev);
   uint64_t JobsBytes() const;
   uint64_t QueuedBytes() const;
   bool MaySend(uint64_t image_bytes) const;
@@ -104,8 +114,9 @@ class Jobs {
   std::deque<std::shared_ptr<Job>> jobs_;
   bool rests_ = false;                     ///< Rest() was called
   int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
+  std::vector<Rendered> waiting_;          ///< of these: they wait for their jobs' exposures
   std::weak_ptr<const uint64_t> suspect_;  ///< the frame of a suspect job that is under way
-  std::stop_source stop_;                  ///< metering, when this ends
+  std::stop_source stop_;                  ///< of writing, when this ends
   std::unique_ptr<boost::asio::thread_pool> encoder_;  ///< last: its thread uses the members above
 };
 

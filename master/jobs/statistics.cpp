@@ -49,6 +49,7 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["leases_lost"] = frame.counts().leases_lost;
   j["saturated_terms"] = frame.counts().saturated;
   j["nan_terms"] = frame.counts().not_numbers;
+  j["long_light_rays"] = frame.counts().long_light_rays;
   j["voxel_bytes_served"] = times.voxel_bytes_served;
   j["master_peak_rss_bytes"] = PeakResidentBytes();
   j["workers"] = nlohmann::ordered_json::array();

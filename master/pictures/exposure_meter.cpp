@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <utility>
 #include <vector>
 
-#include "common/engine/renderer.h"
 #include "common/math/elementary.h"
 
 namespace quarry {
@@ -21,6 +19,8 @@ constexpr double kFilmWhite = 3;
 constexpr size_t kClippedOf = 128;
 /// Lattice points along the image's longer side.
 constexpr uint32_t kLattice = 64;
+/// Samples of each where light bounces: one is too noisy.
+constexpr uint32_t kBouncedSamples = 16;
 
 /// Textures of an emission are mostly black, so that their materials are no lamps.
 bool Emits(const Material& m) {
@@ -32,7 +32,8 @@ bool Emits(const Material& m) {
 
 View MeteredView(View view) {
   view.crop = {0, 0, view.width, view.height};
-  view.spp = 1;
+  view.spp = InfoOf(view.mode).bounces ? kBouncedSamples : 1;
+  view.meters = InfoOf(view.mode).bounces;
   view.edges = false;
   view.aov_mask = 1u << static_cast<int>(Aov::kDepth) | 1u << static_cast<int>(Aov::kMaterial);
   return view;
@@ -81,22 +82,6 @@ double ExposureFor(std::span<const MeteredPoint> points, int range, ToneCurve to
   const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
                              headroom - Log2(std::max(static_cast<double>(*bright), least)));
   return std::clamp(std::floor(ev * 64) / 64, -16.0 + range, 16.0 + range);
-}
-
-Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop) {
-  if (!InfoOf(view.mode).metered) return 0;
-  view = MeteredView(std::move(view));
-  const Tile tile = MeteredTile(view);
-  cache_bytes = std::max<uint64_t>(cache_bytes, scene.catalog().meta.largest_decoded);
-  QUARRY_ASSIGN(const auto renderer, Renderer::Create(scene, {cache_bytes, 1}));
-  Bytes pixels;
-  QUARRY_TRY(renderer->Render(
-      view, std::span(&tile, 1),
-      [&](size_t, RenderedTile result, Renderer::Progress) { pixels = std::move(result.pixels); },
-      std::move(stop)));
-  std::vector<MeteredPoint> points;
-  AddMeteredPoints(pixels, scene.catalog().materials, points);
-  return ExposureFor(points, view.range, InfoOf(view.mode).tone);
 }
 
 }  // namespace quarry

@@ -2,11 +2,8 @@
 
 #include <cstdint>
 #include <span>
-#include <stop_token>
 #include <vector>
 
-#include "common/base/status.h"
-#include "common/engine/scene.h"
 #include "common/scene/material.h"
 #include "common/scene/tile.h"
 #include "common/scene/view.h"
@@ -29,19 +26,13 @@ struct MeteredPoint {
 /// (the key).
 double ExposureFor(std::span<const MeteredPoint> points, int range = 0, ToneCurve tone = ToneCurve::kClip);
 
-/// The picture of a view that a meter renders: sample 0 with depth and material of the whole image, on a
-/// lattice. Requires: `view` is normalized.
+/// The picture of a view that a meter renders, on a lattice of the whole image: sample 0, or where light
+/// bounces samples 0 to 15, with depth and material of sample 0. Requires: `view` is normalized.
 View MeteredView(View view);
 Tile MeteredTile(const View& view);
 /// Appends the points that are covered of a part of MeteredTile(), from its pixels of PixelForm::kMeans.
 /// `materials`: the scene's. A material emits that has an emission without a texture and is not unlit.
 void AddMeteredPoints(std::span<const std::byte> pixels, std::span<const Material> materials,
                       std::vector<MeteredPoint>& points);
-
-/// The exposure of a view, by sample 0 on a lattice of the whole image, whatever the view's crop and samples.
-/// The renderer that it needs has one thread and lives for the call only. Units: `cache_bytes` of decoded
-/// blocks, raised to the largest block. Returns 0 for modes that are not metered. Errors: as
-/// Renderer::Render's. Thread-safe.
-Result<double> MeterExposure(const Scene& scene, View view, uint64_t cache_bytes, std::stop_token stop);
 
 }  // namespace quarry

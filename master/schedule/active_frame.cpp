@@ -9,6 +9,13 @@ namespace {
 
 constexpr double kTileSamples = double{kTileSize} * kTileSize;  // at one sample a pixel
 
+/// Seconds that a sample of a tile is guessed to take, before any is done.
+double GuessedSample(const View& view) {
+  static const double kUsualAoSamples = View().ao_samples;
+  const double rays = view.mode == RenderMode::kAo ? std::max(1.0, view.ao_samples / kUsualAoSamples) : 1;
+  return InfoOf(view.mode).sample_s * rays * kTileSamples;
+}
+
 /// Adds the depths and, `with_blocks`, the blocks of a result to its tile's footprint. Returns how many
 /// blocks are new.
 size_t AddResult(const TileDone& done, bool with_blocks, TileFootprint& trace) {
@@ -82,7 +89,7 @@ double ActiveFrame::SampleCost(uint32_t tile) const {
   if (ranges_.begun(tile)) return traces_[tile].cost_s / ((1 - ranges_.left(tile)) * view_.spp);
   if (expected_[tile].cost_s > 0) return expected_[tile].cost_s / view_.spp;
   if (samples_ > 0) return counts_.computed_s / static_cast<double>(samples_);
-  return InfoOf(view_.mode).sample_s * kTileSamples;
+  return GuessedSample(view_);
 }
 
 /// Whether the tile, or the range of it that was leased, is done.
@@ -115,8 +122,7 @@ void ActiveFrame::MakePlan(const std::vector<PlannedWorker>& workers, const Plan
       known_s += trace.cost_s;
       ++known;
     }
-  usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known)
-                            : InfoOf(view_.mode).sample_s * kTileSamples * view_.spp;
+  usual_cost_s_ = known > 0 ? known_s / static_cast<double>(known) : GuessedSample(view_) * view_.spp;
   tile_s_ = costs.tile_s;
   const std::vector<uint32_t> holders = Holders();
   for (size_t t = 0; t < expected_.size(); ++t) {
@@ -179,6 +185,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   counts_.rays_suspended += done.rays_suspended;
   counts_.saturated += done.saturated;
   counts_.not_numbers += done.not_numbers;
+  counts_.long_light_rays += done.long_light_rays;
   samples_ += lease->area.samples_of(view_.spp);
   const double cost_s = std::min(static_cast<double>(done.compute_us) * 1e-6, now_s - lease->since_s);
   counts_.computed_s += cost_s;

@@ -30,8 +30,8 @@ struct PlanCosts {
 /// The counters of a frame's statistics.
 struct FrameCounts {
   uint64_t rays = 0, rays_suspended = 0;
-  uint64_t leases_lost = 0;                 ///< with their workers
-  uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums, see FilmFaults
+  uint64_t leases_lost = 0;                                      ///< with their workers
+  uint64_t saturated = 0, not_numbers = 0, long_light_rays = 0;  ///< see FilmFaults
   /// Computing of all results. Of each at most the time since its lease, whatever the worker reports.
   double computed_s = 0;
 };

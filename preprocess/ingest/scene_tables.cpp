@@ -133,6 +133,7 @@ void SceneTables::AddLight(NamedLight light, const SceneCoordinates& coordinates
   if (light.kind == LightKind::kPoint) light.radiance *= static_cast<float>(length * length);
   light.position = coordinates.Point(light.position);
   light.direction = glm::vec3(glm::normalize(coordinates.Direction(glm::dvec3(light.direction))));
+  for (glm::vec3& edge : light.edges) edge = glm::vec3(coordinates.Direction(glm::dvec3(edge) * length));
   AddView(std::move(light), kMaxLights, tables_.views.lights);
 }
 

@@ -20,7 +20,7 @@ namespace {
 /// Undoes the effect of opacity on the material's numbers: its texture gives the opacity instead.
 void MakeSolid(Material& m) {
   if (m.geometry_opacity >= 1 || m.geometry_opacity <= 0) return;
-  if (IsOpenPbr(m)) {
+  if (m.is_open_pbr) {
     m.geometry_opacity = 1;
     return DeriveWhitted(m, m.ior > 1);
   }

@@ -13,7 +13,7 @@ import faults
 from link import Link
 from moving_viewer import MovingViewer
 from processes import Program, left_over
-from stage import BIN, CACHE
+from stage import BIN, CACHE, MODES
 
 # Limit of a run: thrice the time of an undisturbed run, GRACE_S, and for each fault its duration and RECOVERY_S, the longest of the stated
 # time-outs that may follow it (ten seconds to greet after six of silence, or a pause of five before a source is asked again).
@@ -39,7 +39,7 @@ class Run:
         self.folder.mkdir()
         self.mark = f"{MARK}={os.getpid()}-{seed}-{secrets.token_hex(4)}"
         r = self.random
-        self.mode = r.choice(("shadow", "whitted"))
+        self.mode = r.choice(MODES)
         self.tls = r.random() < 0.5
         self.workers = [f"worker-{i + 1}" for i in range(r.randint(2, 3))]
         self.servers = [f"server-{i + 1}" for i in range(r.randint(1, 2))]

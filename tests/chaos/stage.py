@@ -11,8 +11,8 @@ from tests.support.models.textured_scene import write_scene
 BIN = pathlib.Path(os.environ.get("QUARRY_BIN", pathlib.Path(__file__).parents[2] / "build/release/bin"))
 TRIANGLES, VOXEL_SIZE, CACHE = 120000, "16K", "2M"
 FRAMES = range(0, 60, 6)  # of the walk's 60
-MODES = ("shadow", "whitted")
-# The view of a walk in mode whitted: some parts are hidden, one is coloured, and a cut has caps.
+MODES = ("shadow", "whitted", "path")
+# The view of a walk in modes whitted and path: some parts are hidden, one is coloured, and a cut has caps.
 INSIDE = {"hide": ["roof", "*pipe 1*"], "colors": [{"parts": ["chimney*"], "color": [0.8, 0.1, 0.1]}],
           "section": {"planes": [{"point": [0, 0, 33], "normal": [0.2, -0.3, 1]}]}}
 
@@ -26,7 +26,7 @@ class Stage:
         self.older = self._store("older", 2)
         walk = self._walk()
         for mode in MODES:
-            shown = {"view": INSIDE} if mode == "whitted" and not textured else {}
+            shown = {"view": INSIDE} if mode != "shadow" and not textured else {}
             self._path(mode).write_text(json.dumps({**walk, **shown}))
         self.images = {}
         for mode in MODES:
@@ -38,7 +38,7 @@ class Stage:
             assert len(self.images[mode]) == len(FRAMES)
 
     def render_options(self, mode):
-        return ["--camera-path", str(self._path(mode)), "--size", "160x120", "--spp", "4", "--mode", mode]
+        return ["--camera-path", str(self._path(mode)), "--size", "160x120", "--spp", "4", "--mode", mode, *(("--bounces", "3") if mode == "path" else ())]
 
     def _path(self, mode):
         return self.folder / f"walk-{mode}.json"

@@ -79,13 +79,15 @@ View LookingAt(const glm::dvec3& eye, const glm::dvec3& at, uint32_t side, uint3
 }
 
 /// The red radiance of each pixel.
-std::vector<double> Picture(const Scene& scene, View view, LightWays ways = LightWays::kBoth) {
+std::vector<double> Picture(const Scene& scene, View view, LightWays ways = LightWays::kBoth,
+                            FilmFaults* faults = nullptr) {
   REQUIRE(NormalizeView(view).has_value());
   const auto renderer = Renderer::Create(scene, {.cache_bytes = 64 << 20, .threads = 2});
   REQUIRE(renderer.has_value());
   const std::vector<Tile> tiles = TilesOf(view.crop);
   std::vector<double> picture(size_t{view.width} * view.height);
   const auto put = [&](size_t i, const RenderedTile& result, Renderer::Progress) {
+    if (faults) faults->long_light_rays += result.faults.long_light_rays;
     ByteReader in(result.pixels);
     for (uint32_t y = 0; y < tiles[i].rows(); ++y)
       for (uint32_t x = 0; x < tiles[i].columns(); ++x) {
@@ -362,6 +364,75 @@ TEST_CASE("A pane with a colour of the view's stops light as it stops paths", "[
   view.parts.selection = selection;
   CHECK(MeanOf(Picture(scene, view)) < 0.97 * clear);
   CheckWays(scene, view, "coloured");
+}
+
+TEST_CASE("Light that passes more than 255 leaves is counted, and is not darkened", "[reference][path]") {
+  const TemporaryFolder folder;
+  constexpr int kLeaves = 300;
+  Quads quads;
+  quads.Add({-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0);
+  for (int leaf = 0; leaf < kLeaves; ++leaf)
+    quads.Add({-4, -4, 1 + 0.01f * static_cast<float>(leaf)}, {8, 0, 0}, {0, 8, 0}, 1);
+  std::vector<Material> materials(2);
+  materials[0].diffuse = materials[0].base_color = glm::vec3(0.6f);
+  materials[1] = White(1, 0, 0);
+  materials[1].base_color = glm::vec3(0);
+  materials[1].geometry_opacity = 0.01f;
+  materials[1].transmittance = glm::vec3(0.99f);
+  const Scene scene = quads.Made(folder, materials);
+  View view = LookingAt({0, -0.5, 0.5}, {0, 0, 0}, 16, 16);
+  view.bounces = 0;
+  Light sun;
+  sun.angle = 0;
+  sun.radiance = glm::vec3(2);
+  view.lights = {sun};
+  FilmFaults faults;
+  CHECK(MeanOf(Picture(scene, view, LightWays::kBoth, &faults)) ==
+        Approx(0.6 * 2 * std::pow(0.99, kLeaves)).epsilon(1e-3));
+  CHECK(faults.long_light_rays == 16 * 16 * 16);
+}
+
+TEST_CASE("An exposure leaves out lamps in mirrors and rectangles before walls, and keeps their light",
+          "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0);
+  quads.Add({-2, 1, 0}, {4, 0, 0}, {0, 0, 3}, 1);   // a mirror
+  quads.Add({-1, -1, 3}, {0, 2, 0}, {2, 0, 0}, 2);  // a lamp
+  std::vector<Material> materials(3);
+  materials[0].diffuse = materials[0].base_color = glm::vec3(0.5f);
+  materials[1] = White(0, 1, 1);
+  materials[2].diffuse = materials[2].base_color = glm::vec3(0);
+  materials[2].emission = glm::vec3(50);
+  const Scene scene = quads.Made(folder, materials);
+  const auto brightest = [&](const View& view) {
+    const std::vector<double> picture = Picture(scene, view);
+    return *std::ranges::max_element(picture);
+  };
+  // The lamp in the mirror.
+  View view = LookingAt({0, -0.5, 1}, {0, 1, 2.2}, 32, 16);
+  view.camera.fov_degrees = 20;
+  view.bounces = 4;
+  CHECK(brightest(view) > 40);
+  view.meters = true;
+  CHECK(brightest(view) < 20);
+  // The floor, which the lamp lights.
+  View floor = LookingAt({0, -0.5, 1}, {0, 0, 0}, 16, 16);
+  const double lit = MeanOf(Picture(scene, floor));
+  floor.meters = true;
+  CHECK(MeanOf(Picture(scene, floor)) == Approx(lit).epsilon(1e-6));
+  // A rectangle before the floor shines at it, its front to the floor and its back to the eye; then turned.
+  Light lamp;
+  lamp.kind = LightKind::kRectangle;
+  lamp.vector = {0, 0, 0.4f};
+  lamp.edges[0] = {0.4f, 0, 0};
+  lamp.edges[1] = {0, 0.4f, 0};
+  lamp.radiance = glm::vec3(80);
+  floor.lights = {lamp};
+  floor.meters = false;
+  CHECK(brightest(floor) > 70);
+  floor.meters = true;
+  CHECK(brightest(floor) < 40);
 }
 
 TEST_CASE("A pane with a texture is a vertex, for paths and for light", "[reference][path]") {

@@ -15,9 +15,11 @@
 
 namespace quarry {
 
-/// Terms of sums that are wrong: clamped at FixedRadiance::kMost, or not numbers.
+/// What may be wrong in a tile's light.
 struct FilmFaults {
-  uint64_t saturated = 0, not_numbers = 0;
+  uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums: clamped at FixedRadiance::kMost; NaN
+  uint64_t long_light_rays = 0;             ///< light rays of mode path that passed kMostCounted surfaces
+  static constexpr uint8_t kMostCounted = 255;
 };
 
 /// A tile's result. Shapes: rows() x columns() lattice points, row by row.
@@ -51,6 +53,7 @@ class TileFilm {
     to[1].Add(radiance.y);
     to[2].Add(radiance.z);
   }
+  void NoteLongLightRay() { ++faults_.long_light_rays; }
   /// Notes that the primary ray of a sample hits something, or sees light.
   void Cover(uint32_t pixel) { sums_[size_t{kColorWords} * pixel + 3].Add(1); }
   /// Notes that a primary ray of the depth cell ends at `depth` from the eye.

@@ -14,7 +14,7 @@ SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
   for (const Material& material : catalog.materials) {
     Entry entry;
     entry.first = static_cast<uint32_t>(textures_.size());
-    entry.open_pbr = IsOpenPbr(material);
+    entry.open_pbr = material.is_open_pbr;
     Material bare = material;
     bare.diffuse = glm::vec3(0);
     DeriveOpenPbr(bare);

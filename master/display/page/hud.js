@@ -87,6 +87,7 @@ export class Hud {
       ['Picture', header && `${header.size.join(' × ')}, ${header.samples} of ${header.spp} samples`],
       ['Pixels', header && `${Math.floor(header.traced * 100)} % traced${header.waiting > 0 ? `, ${header.waiting.toLocaleString('en')} wait for data` : ''}`],
       ['Exposure', header && Number.isFinite(header.exposure) ? `${header.exposure.toFixed(2)} EV` : null],
+      ['Light', this.live.lightNames],
       ['Transfer', `${bytes(rates.bytes)}/s`],
     ]);
   }

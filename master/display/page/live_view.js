@@ -22,6 +22,8 @@ export class LiveView {
     this.onRest = onRest;
     this.view = null;
     this.scene = null;
+    this.modes = [];  // of the server
+    this.defaults = {};  // the server's default view
     this.input = 0;  // number of the view sent last
     this.holds = new Map();  // the parts of the page that are moving: name to timer, or 0
     this.hasMoved = false;  // whether the camera has moved since the last rest
@@ -41,7 +43,24 @@ export class LiveView {
   /// The view's lights. `lights`: the default view's.
   lights(lights) {
     if (this.scene?.shines && this.view?.mode === 'path' && !this.view.sky) return [];
-    return this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights;
+    const own = this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights;
+    return this.scene?.lamp && this.view?.mode === 'path' ? [...own, this.scene.lamp] : own;
+  }
+  /// The view's mode, as the server describes it.
+  get mode() { return this.modes.find(({ name }) => name === this.view?.mode); }
+  /// The names of the view's lights. Null: the mode has a light of its own.
+  get lightNames() {
+    if (!this.mode?.uses_lights) return null;
+    const own = this.view.lights, all = own ?? this.lights(this.defaults.lights ?? []), isPath = this.view.mode === 'path';
+    const names = new Map();
+    for (const { type, position } of all) {
+      const name = position === 'eye' ? 'lamp at the eye' : type;
+      names.set(name, (names.get(name) ?? 0) + 1);
+    }
+    const list = [...names].map(([name, count]) => (count > 1 ? `${count} ${name}s` : name));
+    if (isPath && (this.view.sky ?? (own ? null : this.defaults.sky))) list.push('sky');
+    if (isPath && list.length === 0) list.push('surfaces that shine');
+    return list.length > 0 ? list.join(', ') : 'none';
   }
   /// The named views with that axis up.
   get namedViews() { return this.upAxis === this.scene?.up_axis ? this.scene.views : this.scene?.turned_views; }

@@ -75,7 +75,7 @@ function welcome(message) {
   defaults = message.view;
   link.modes = message.modes.map(({ name }) => name);
   stageSize.share = settings.values.resolution;
-  live.scene = scene;
+  Object.assign(live, { scene, modes: message.modes, defaults });
   selections.reset();
   const size = stageSize.size(), camera = fromWire(message.view.camera);
   link.home = { ...ownMembers(message.view), size, camera: scene.interior ? camera : fitAspect(camera, size) };

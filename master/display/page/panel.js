@@ -75,11 +75,12 @@ export class Panel {
       this.live.change({ exposure: target.checked ? undefined : Number(this.shownExposure().toFixed(2)) });
     });
     $('exposure').addEventListener('input', ({ target }) => this.slide({ exposure: Number(target.value) }));
+    $('tone').addEventListener('change', ({ target }) => this.live.change({ tonemap: target.value || undefined }));
     $('background-automatic').addEventListener('change', ({ target }) => {
-      this.live.change({ background: target.checked ? undefined : hexToRadiance($('background').value, this.shownExposure()) });
+      this.live.change({ background: target.checked ? undefined : hexToRadiance($('background').value, this.shownExposure(), this.tone) });
     });
     $('background').addEventListener('input', ({ target }) => {
-      this.slide({ background: hexToRadiance(target.value, this.shownExposure()) });
+      this.slide({ background: hexToRadiance(target.value, this.shownExposure(), this.tone) });
     });
   }
 
@@ -96,6 +97,9 @@ export class Panel {
   shownExposure() {
     return this.live.view?.exposure ?? this.picture.header?.exposure ?? 0;
   }
+
+  /// The tone curve of the picture on the screen.
+  get tone() { return this.live.view.tonemap ?? this.live.mode?.tone; }
 
   /// Fills in the modes that the server has.
   setModes(modes) { $('mode').replaceChildren(...modes.map(({ name, label }) => element('option', { value: name }, label))); }
@@ -150,7 +154,8 @@ export class Panel {
     $('exposure').disabled = isAutomatic;
     this.showSlider('exposure', exposure, `${exposure > 0 ? '+' : ''}${exposure.toFixed(1)} EV`);
     $('background-automatic').checked = view.background === undefined;
-    if (view.background && document.activeElement !== $('background')) $('background').value = radianceToHex(view.background, exposure);
+    if (view.background && document.activeElement !== $('background')) $('background').value = radianceToHex(view.background, exposure, this.tone);
+    $('tone').value = view.tonemap ?? '';
   }
 
   showSlider(id, value, text) {

@@ -2,7 +2,7 @@
 //
 // In the page a view's camera always has `fov`, and also `ortho` while it is orthographic. In messages it has one of
 // them. A fragment names the members that differ from the default:
-// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&bg=0,0,0&axis=y&edges=yes
+// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&tone=film&bg=0,0,0&axis=y&edges=yes
 // The members "hide", "only", "colors" and "section" stand there as JSON.
 
 import { cross, distance, length, subtract } from './vectors.js';
@@ -17,8 +17,8 @@ const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
 /// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
 /// uses its own values for missing members, and a scene's lights could be longer than a message.
-export function ownMembers({ mode, spp, exposure, background, up_axis, edges }) {
-  return Object.fromEntries(Object.entries({ mode, spp, exposure, background, up_axis, edges }).filter(([, value]) => value !== undefined));
+export function ownMembers({ mode, spp, exposure, tonemap, background, up_axis, edges }) {
+  return Object.fromEntries(Object.entries({ mode, spp, exposure, tonemap, background, up_axis, edges }).filter(([, value]) => value !== undefined));
 }
 
 /// The page's form of a camera from a message.
@@ -84,6 +84,7 @@ export function fromFragment(fragment, defaults, modes) {
   const exposure = numbers(given.get('ev'), 1)?.[0];
   if (given.get('ev') === 'auto') delete view.exposure;
   else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;
+  if (['clip', 'film'].includes(given.get('tone'))) view.tonemap = given.get('tone');
   if (['y', 'z'].includes(given.get('axis'))) view.up_axis = given.get('axis');
   view.background = numbers(given.get('bg'), 3, 0) ?? view.background;
   if (['yes', 'no'].includes(given.get('edges'))) view.edges = given.get('edges') === 'yes';
@@ -107,6 +108,7 @@ export function toFragment(view, defaults) {
   put('mode', view.mode, defaults.mode);
   put('spp', view.spp, defaults.spp);
   put('ev', view.exposure ?? 'auto', defaults.exposure ?? 'auto');
+  put('tone', view.tonemap ?? '', defaults.tonemap ?? '');
   put('axis', view.up_axis ?? '', defaults.up_axis ?? '');
   put('bg', view.background ?? '', defaults.background ?? '');
   if (Boolean(view.edges) !== Boolean(defaults.edges)) put('edges', view.edges ? 'yes' : 'no', '');

@@ -1,5 +1,6 @@
 """The same picture, bit for bit, whatever the workers, threads, caches and faults (design: the invariants)."""
 import json
+import math
 import os
 import pathlib
 import signal
@@ -13,6 +14,7 @@ import unittest.mock
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.exr import read_exr
 from tests.integration.programs import BIN, TIMEOUT_S, Case, end, main
+from tests.support.models.textured_scene import sheet, write_scene
 
 TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
@@ -159,6 +161,42 @@ class Paths(Case):
         for name in whole:
             self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name], name)
 
+    def test_everything_that_paths_meet(self):
+        """Cut-outs, a veil, panes, textures, a ball of glass, lamps, one of them hidden, and a section through another."""
+        pathlib.Path(self.path("more.mtl")).write_text(
+            "newmtl lamp\nKd 0 0 0\nKe 30 25 20\nnewmtl ball\nKd 0 0 0\nKs 1 1 1\nTf 0.8 0.9 0.8\nd 0.1\nNi 1.5\nillum 7\n")
+        positions, _, triangles = sheet(24, 12, lambda u, v: (4 + 0.8 * math.cos(2 * math.pi * u) * math.sin(math.pi * v),
+                                                              1 + 0.8 * math.sin(2 * math.pi * u) * math.sin(math.pi * v), 1.6 - 0.8 * math.cos(math.pi * v)))
+        lines = ["mtllib more.mtl", "o ball", "usemtl ball", *(f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in positions),
+                 *("f " + " ".join(str(v + 1) for v in t) for t in triangles)]
+        for name, x, y in (("lamp", 2, 2), ("hidden lamp", 7, 3), ("cut lamp", 8, 7)):
+            lines += [f"o {name}", "usemtl lamp", *(f"v {x + a} {y + b} 4.5" for a, b in ((0, 0), (0, 1), (1, 1), (1, 0))), "f -4 -3 -2", "f -4 -2 -1"]
+        pathlib.Path(self.path("more.obj")).write_text("\n".join(lines) + "\n")
+        scene, view, image = self.path("all.quarry"), self.path("all.json"), self.path("all.exr")
+        self.must("quarry-preprocess", *write_scene(self.folder, 48), self.path("more.obj"), "-o", scene, "--voxel-size", "16K", "--up-axis", "z", "--quiet")
+        info = self.info(scene)
+        self.assertTrue(info["shines"])
+        decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"] + info["texture_decoded_bytes"], info["largest_decoded_bytes"]
+        pathlib.Path(view).write_text(json.dumps({
+            "mode": "path", "spp": 4, "size": [128, 96], "bounces": 6, "lights": [], "sky": {"radiance": [0.1, 0.12, 0.15]}, "hide": ["*hidden lamp"],
+            "camera": {"eye": [14, -7, 7], "at": [6, 4, 0.5], "fov": 50}, "aov": ["depth", "primitive"],
+            "section": {"planes": [{"point": [8.5, 7, 4], "normal": [1, 0.2, 0]}]}}))
+
+        def render(isa, workers, threads, cache, *options):
+            with unittest.mock.patch.dict(os.environ, {} if isa is None else {"QUARRY_ISA": isa}):
+                self.must("quarry", "render", scene, "-o", image, "--quiet", "--view", view, "--workers", workers, "--threads", threads,
+                          "--cache", cache, *options)
+            return pathlib.Path(image).read_bytes()
+
+        reference = render(None, 1, 1, decoded)
+        for isa, workers, threads, cache in ((None, 1, 2, largest), (None, 2, 1, decoded // 10), ("scalar", 2, 2, decoded), ("avx2", 1, 2, decoded)):
+            with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
+                self.assertEqual(render(isa, workers, threads, cache), reference)
+        # Each counts: the hidden lamp would light the scene, and so would the part that is cut off.
+        shown = json.loads(pathlib.Path(view).read_text())
+        for without in ("hide", "section"):
+            pathlib.Path(view).write_text(json.dumps({name: member for name, member in shown.items() if name != without}))
+            self.assertNotEqual(render(None, 2, 1, decoded), reference)
 
     def test_ranges_of_samples_and_a_killed_worker(self):
         """Tiles of many samples come in ranges. A worker that is killed in the middle leaves its tiles' sums to others."""

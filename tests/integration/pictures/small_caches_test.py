@@ -68,6 +68,13 @@ class SmallCaches(Case):
                                                         "--threads", 2)
                 self.assertLess(max(small), 16 * all_resident)
 
+    def test_light_that_bounces_through_a_room(self):
+        """Each path goes through many voxels, and waits for each."""
+        store = self.scene("plant", 60000)
+        largest = self.largest(store)
+        self.assert_same(store, [largest, 4 * largest], "--mode", "path", "--spp", 2, "--bounces", 4, "--size", "64x48", "--eye", "6,6,14",
+                         "--at", "30,30,16", "--threads", 1)
+
 
 if __name__ == "__main__":
     main()

@@ -43,6 +43,7 @@ Result<View> MakeView(const LaboratoryScene& scene, Renderer renderer, const Cam
   SceneSummary summary{"", meta.offset, false, scene.views(), {}};
   summary.framing.up_axis = meta.up_axis;
   view.lights = DefaultLights(summary);
+  DropDefaultLamp(view);
   QUARRY_TRY(NormalizeView(view));
   return view;
 }

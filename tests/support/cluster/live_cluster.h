@@ -63,19 +63,24 @@ class LiveCluster : public LiveDispatcher::Sink {
     orders.pop_front();
     return Run(next, compute_us);
   }
-  std::optional<Finished> Run(const Ordered& ordered, uint64_t compute_us = 200) {
+  /// An order's result.
+  TileDone Render(const Ordered& ordered, Bytes& pixels, uint64_t compute_us = 200) {
     const TileOrder& order = ordered.order;
-    Finished done;
     TileDone answer{order.frame, order.tile, order.lease, 1, 0, compute_us};
     REQUIRE(renderer_
                 ->Render(views_.at(order.frame), std::span(&order.area, 1),
                          [&](size_t, RenderedTile result, Renderer::Progress) {
-                           done.pixels = std::move(result.pixels);
+                           pixels = std::move(result.pixels);
                            if (order.area.form == PixelForm::kMeans) answer.depths = std::move(result.depths);
                            holes += result.holes;
                          })
                 .has_value());
     REQUIRE(DecodeTileDone(Encode(answer)).has_value());
+    return answer;
+  }
+  std::optional<Finished> Run(const Ordered& ordered, uint64_t compute_us = 200) {
+    Finished done;
+    const TileDone answer = Render(ordered, done.pixels, compute_us);
     const auto finished = dispatcher.Finish(ordered.worker, answer, done.pixels.size());
     REQUIRE(finished.has_value());
     if (!*finished) return std::nullopt;

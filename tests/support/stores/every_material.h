@@ -28,6 +28,7 @@ inline Material EveryMaterial(const std::string& name) {
   m.transmission_color = {0.17f, 0.27f, 0.37f};
   m.transmission_depth = 12.5f;
   m.geometry_opacity = 0.95f;
+  m.is_open_pbr = false;
   return m;
 }
 

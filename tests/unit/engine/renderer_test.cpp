@@ -111,6 +111,25 @@ TEST_CASE("A cache of one block and any number of threads render the same pictur
   }
 }
 
+TEST_CASE("The first samples of a picture are those of a picture with fewer", "[renderer][path]") {
+  const Row row;
+  const auto renderer = MakeRenderer(row);
+  for (const RenderMode mode : {RenderMode::kPath, RenderMode::kAo}) {
+    View few = Seen({0, -20, 0}, {0, 10, 0}), many = few;
+    few.mode = many.mode = mode;
+    few.sky.radiance = many.sky.radiance = glm::vec3(0.7f);
+    few.spp = 3;
+    many.spp = 50;
+    Tile tile{kMiddle, 1};
+    tile.form = PixelForm::kSums;
+    tile.samples = 3;
+    const Bytes first = RenderOne(*renderer, many, tile).pixels;
+    CHECK(first == RenderOne(*renderer, few, tile).pixels);
+    tile.samples = 4;
+    CHECK(first != RenderOne(*renderer, many, tile).pixels);
+  }
+}
+
 TEST_CASE("A call can be cancelled from its own callback", "[renderer]") {
   const Row row;
   const View view = Seen({0, -20, 0}, {3, 10, 4});

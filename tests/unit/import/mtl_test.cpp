@@ -73,6 +73,7 @@ TEST_CASE("MTL: names, comments, clamping, defaults", "[import][mtl]") {
   CHECK(red.shininess == 10000);
   Material plain;
   plain.name = "plain";
+  plain.is_open_pbr = false;
   CHECK(read.materials[1] == plain);
   CHECK(read.materials[2].name == "last");
   REQUIRE(read.warnings.size() == 1);

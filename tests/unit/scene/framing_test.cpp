@@ -98,6 +98,39 @@ TEST_CASE("The default sun turns with a view's up axis, and a scene's own lights
   CHECK(view.lights == own);
 }
 
+TEST_CASE("Mode path adds a lamp at the eye where an interior has no light of its own", "[framing][path]") {
+  SceneSummary scene;
+  scene.framing = Box({0, 0, 0}, {1, 1, 1});
+  CHECK(DefaultLights(scene).size() == 1);
+  scene.framing.interior = true;
+  scene.framing.inside = CameraSpec{};
+  scene.framing.inside_distance = 4;
+  View view;
+  view.mode = RenderMode::kPath;
+  view.lights = DefaultLights(scene);
+  DropDefaultLamp(view);
+  REQUIRE(view.lights.size() == 2);
+  CHECK((view.lights[1].at_eye && view.lights[1].kind == LightKind::kPoint));
+  CHECK(view.lights[1].radiance == glm::vec3(4));  // at a distance of 4 a quarter
+  view.up_axis = 3 - scene.framing.up_axis;
+  TurnDefaultSun(view);
+  CHECK(view.lights.size() == 2);
+  CHECK(view.lights[0] == DefaultSun(view.up_axis));
+  view.mode = RenderMode::kWhitted;
+  DropDefaultLamp(view);
+  CHECK(view.lights == std::vector{DefaultSun(view.up_axis)});
+  scene.shines = true;
+  CHECK(DefaultLights(scene).size() == 1);
+  scene.shines = false;
+  scene.views.lights = {{"lamp", LightKind::kPoint}};
+  view.lights = DefaultLights(scene);
+  CHECK(view.lights.size() == 1);
+  view.lights = {Light(), view.lights[0]};
+  view.lights[1].at_eye = true;
+  DropDefaultLamp(view);
+  CHECK(view.lights.size() == 2);  // given, not default ones
+}
+
 TEST_CASE("Mode path adds a sky to the default sun, and leaves both out where the scene shines",
           "[framing][path]") {
   SceneSummary scene;

@@ -72,11 +72,23 @@ TEST_CASE("Material json is deterministic, short and in a fixed order") {
         "\n\"parts\": []}\n");
 }
 
+TEST_CASE("Material json says which form the file gave where both agree") {
+  MaterialLibrary library;
+  library.materials.resize(2);
+  library.materials[1].is_open_pbr = false;  // the same weights
+  const std::string text = Write(library);
+  CHECK(text.find("is_open_pbr") == text.rfind("\"is_open_pbr\":false") + 1);
+  const auto read = Read(text);
+  REQUIRE(read);
+  CHECK(read->materials == library.materials);
+}
+
 TEST_CASE("Members of material json may be left out") {
   const auto read = Read(R"({"materials": [{"name": "plain"}, {"ior": 2}]})");
   REQUIRE(read);
   Material plain;
   plain.name = "plain";
+  plain.is_open_pbr = false;  // neither form is there: the weights are
   REQUIRE(read->materials.size() == 2);
   CHECK(read->materials[0] == plain);
   CHECK(read->materials[1].ior == 2.0f);

@@ -53,6 +53,30 @@ View AnyView() {
 
 }  // namespace
 
+TEST_CASE("A light at the eye goes where the camera goes", "[view]") {
+  RenderJob job;
+  ViewDescription description;
+  const glm::dvec3 offset(100, 0, 0);
+  REQUIRE(Read(R"({"lights": [{"type": "point", "position": "eye", "radiance": [1, 2, 3]}]})", description,
+               offset)
+              .has_value());
+  job.view = description.view;
+  REQUIRE((job.view.lights.size() == 1 && job.view.lights[0].at_eye));
+  const auto written = ViewToJson(job.view, {}, offset)["lights"][0];
+  CHECK(written["position"] == "eye");
+  job.cameras = {{{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}, {{5, 6, 7}, {4, 5, 8}, {0, 1, 0}, 33.5, 0}};
+  CHECK(FrameView(job, 0).lights[0].vector == glm::vec3(1, 2, 3));
+  CHECK(FrameView(job, 1).lights[0].vector == glm::vec3(5, 6, 7));
+  View view = job.view;
+  view.camera = job.cameras[1];
+  REQUIRE(NormalizeView(view).has_value());
+  CHECK(view.lights[0].vector == glm::vec3(5, 6, 7));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "sun", "direction": "eye", "radiance": [1, 1, 1]}]})"),
+             Contains("direction: must be"));
+  CHECK_THAT(ErrorOf(R"({"lights": [{"type": "point", "position": "ear", "radiance": [1, 1, 1]}]})"),
+             Contains("position: must be"));
+}
+
 TEST_CASE("A view is restored from JSON bit by bit, whatever the offset", "[view]") {
   const glm::dvec3 offset(500000, 4e6, -8);
   for (const double ortho : {0.0, 12.5}) {
@@ -183,7 +207,10 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   SceneViews views;
   views.cameras = {{"door", {{1, 2, 3}, {4, 5, 7}, {0, 1, 0}, 33.5, 0}}};
   views.lights = {{"lamp", LightKind::kPoint, {1, 2, 3}, {0, 0, -1}, {4, 5, 6}, 0.9f, 0.7f},
-                  {"sun", LightKind::kSun, {0, 0, 0}, {0, 0, 1}, {1, 1, 1}}};
+                  {"sun", LightKind::kSun, {0, 0, 0}, {0, 0, 1}, {1, 1, 1}},
+                  {"panel", LightKind::kRectangle, {1, 2, 3}}};
+  views.lights[2].edges[0] = {1, 0, 0.5f};
+  views.lights[2].edges[1] = {0, 2, 0};
   const glm::dvec3 offset(1000, 2000, 3000);
   Framing framing;
   framing.lower = {-1, -2, -3};
@@ -197,6 +224,7 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
                                          {"offset", {1000, 2000, 3000}},
                                          {"plain", true},
                                          {"shines", false},
+                                         {"names_emitters", false},
                                          {"materials", {"steel"}},
                                          {"cameras", CamerasToJson(views)},
                                          {"lights", LightsToJson(views)},
@@ -214,6 +242,7 @@ TEST_CASE("A scene's summary is restored from the master's answer", "[view]") {
   CHECK(summary->views.cameras[0].name == "door");
   CHECK(summary->views.cameras[0].spec.at == views.cameras[0].spec.at);
   CHECK(summary->views.lights == views.lights);
+  CHECK_FALSE(summary->names_emitters);
   CHECK(summary->framing.lower == framing.lower);
   CHECK(summary->framing.hull == framing.hull);
   CHECK(summary->plain);

@@ -57,13 +57,21 @@ SceneMeta MakeMeta() {
   return m;
 }
 
-std::vector<Material> MakeMaterials() { return {Material{"paint"}, test::EveryMaterial("steel")}; }
+std::vector<Material> MakeMaterials() {
+  Material brick{"brick"};
+  brick.is_open_pbr = false;
+  return {Material{"paint"}, test::EveryMaterial("steel"), brick};
+}
 
 SceneViews MakeViews() {
   SceneViews views;
   views.cameras = {{"front", {{1, 2, 3}, {4, 5, 6}, {0, 1, 0}, 30, 7}}};
   views.lights = {{"lamp", LightKind::kPoint, {1, 2, 3}, {0, 0, -1}, {4, 5, 6}, 0.75f, 0.5f},
-                  {"sun", LightKind::kSun}};
+                  {"sun", LightKind::kSun},
+                  {"panel", LightKind::kRectangle, {1, 2, 3}},
+                  {"door", LightKind::kPoint}};
+  views.lights[2].edges[0] = {1, 0, 0.5f};
+  views.lights[2].edges[1] = {0, 2, 0};
   return views;
 }
 

@@ -273,8 +273,8 @@ glm::vec3 PathLights::Discs(const glm::vec3& direction, float density) const {
   return all;
 }
 
-glm::vec3 PathLights::Behind(const glm::vec3& direction, float density) const {
-  glm::vec3 all = Discs(direction, density);
+glm::vec3 PathLights::OfSky(const glm::vec3& direction, float density) const {
+  glm::vec3 all(0);
   if (!sky_) return all;
   for (const Entry& entry : entries_)
     if (!entry.light && !entry.emitters)

@@ -9,7 +9,8 @@ namespace quarry {
 /// The state of the paths of a packet in mode `path`, one array per field, beside SamplePacket. A vertex
 /// decides where its path goes on before the light ray leaves, so that its surface is looked at once.
 struct PathPacket {
-  Vectors radiance;                      ///< found so far, summed up in the order of the path
+  uint64_t seen;     ///< lanes whose ray comes from the eye, straight or by mirrors and glass
+  Vectors radiance;  ///< found so far, summed up in the order of the path
   Vectors next_direction, next_weight;   ///< of the ray that goes on from the vertex; weight 0: none
   float next_density[RayPacket::kRays];  ///< see PathBsdf::Sample
   float next_width[RayPacket::kRays];

@@ -74,6 +74,7 @@ Integrator::Needs PathTracer::needs() const {
 
 void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
   PathPacket& path = *work.path;
+  path.seen |= lanes;
   ForEachLane(lanes, [&](uint32_t i) {
     path.radiance.Set(static_cast<int>(i), glm::vec3(0));
     path.density[i] = 0;
@@ -89,8 +90,12 @@ void PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
     const glm::vec3 direction = work.rays.DirectionOf(i), origin = work.rays.RayOf(i).origin;
     const bool of_eye = s.depth[i] == 0;
     const float begin = of_eye ? -s.t_offset[i] : 0.0f;
-    glm::vec3 light = lights_.OnTheWay(origin, direction, begin, kInfinity, path.density[i]);
-    light += of_eye ? lights_.Discs(direction, 0) : lights_.Behind(direction, path.density[i]);
+    glm::vec3 light(0);
+    if (!LeavesOut(path, i)) {
+      light = lights_.OnTheWay(origin, direction, begin, kInfinity, path.density[i]);
+      light += lights_.Discs(direction, path.density[i]);
+    }
+    if (!of_eye) light += lights_.OfSky(direction, path.density[i]);
     const bool shines = light != glm::vec3(0);
     const bool uncovered = s.path_code[i] == kPrimaryPath;
     if (of_eye && !shines && !(uncovered && view_.backdrop)) light += view_.background;
@@ -132,6 +137,11 @@ void PathTracer::Shade(PacketWork& work, uint64_t lanes) const {
   GoOn(work, scattered & ~lit, SamplePacket::kShade);
 }
 
+/// Whether lamps that the ray meets are left out, see View::meters.
+bool PathTracer::LeavesOut(const PathPacket& path, uint32_t lane) const {
+  return view_.meters && (path.seen >> lane & 1) != 0;
+}
+
 /// Adds the light on the ray's way and of the surface, and scatters the path.
 PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& m) const {
   SamplePacket& s = work.samples;
@@ -149,14 +159,15 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   const float hit_t = work.rays.hit_t[lane];
   const float begin = s.depth[lane] == 0 ? -s.t_offset[lane] : 0.0f;
   glm::vec3 weight = s.weight[i];
-  AddTo(path, i,
-        weight * lights_.OnTheWay(work.rays.RayOf(lane).origin, work.rays.DirectionOf(lane), begin, hit_t,
-                                  path.density[lane]));
+  if (!LeavesOut(path, lane))
+    AddTo(path, i,
+          weight * lights_.OnTheWay(work.rays.RayOf(lane).origin, work.rays.DirectionOf(lane), begin, hit_t,
+                                    path.density[lane]));
   if (m.unlit) {
     if (path.density[lane] == 0) AddTo(path, i, weight * m.emission * surface.color);
     return Outcome::kEnds;
   }
-  if (m.emission != glm::vec3(0)) {
+  if (m.emission != glm::vec3(0) && !(s.depth[lane] > 0 && LeavesOut(path, lane))) {
     const float asked = is_cap ? 0.0f : lights_.EmitterDensity(work.rays.triangle[lane], hit_t, cosine);
     AddTo(path, i, weight * m.emission * lights_.MetShare(path.density[lane], asked));
   }
@@ -191,6 +202,7 @@ void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfacePropert
   path.next_weight.Set(i, s.weight[i] * next.weight);
   path.next_density[lane] = next.density;
   path.next_width[lane] = next.width;
+  if (next.density > 0) path.seen &= ~(uint64_t{1} << lane);
 }
 
 /// Sets a light ray toward a light, and what it brings if nothing is in its way. The light of lanes without
@@ -290,6 +302,8 @@ bool PathTracer::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& vo
   const glm::vec3 passes = PassingAt(work, number, material, cosine).Light();
   s.light.Set(i, s.light[i] * passes);
   if (!(Largest(s.light[i]) > 0)) return false;
+  constexpr uint8_t kMost = FilmFaults::kMostCounted;
+  if (s.passed[lane] < kMost && ++s.passed[lane] == kMost) work.film.NoteLongLightRay();
   rays.GoOnAfterHit(lane, End(work, lane));
   return true;
 }

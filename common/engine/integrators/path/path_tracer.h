@@ -35,6 +35,7 @@ class PathTracer final : public LightRays {
  private:
   /// The result of a hit: the ray passes it, its path ends there, or it scatters there.
   enum class Outcome { kPasses, kEnds, kScatters };
+  bool LeavesOut(const PathPacket& path, uint32_t lane) const;
   Outcome Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
   void ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
   void AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const;

@@ -7,6 +7,7 @@
 #include "common/math/shared_exponent.h"
 #include "tests/support/cluster/live_cluster.h"
 #include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/metered.h"
 #include "tests/support/rendering/row_scene.h"
 
 // A viewer's pictures, from views in to frames out, by a clock that the test moves.
@@ -73,7 +74,7 @@ TEST_CASE("A view at rest becomes the batch picture, with its exposure", "[live]
     CHECK(last.exact == viewer.cluster.Batch(last.wanted.view));
     CHECK(last.samples == spp);
     CHECK(last.traced == 200 * 150);
-    CHECK(last.exposure == MeterExposure(*viewer.row.scene, last.wanted.view, 1 << 20, {}).value());
+    CHECK(last.exposure == test::Metered(*viewer.row.scene, last.wanted.view));
     viewer.PassFor(1);
     CHECK(viewer.exact());  // and nothing after it
     CHECK(viewer.cluster.orders.empty());
@@ -187,7 +188,7 @@ TEST_CASE("Light does not bounce in motion, and holes wait for the samples", "[l
   REQUIRE(viewer.exact());
   const DueFrame& last = viewer.frames.back();
   CHECK(last.exact == viewer.cluster.Batch(view));
-  CHECK(last.exposure == MeterExposure(*viewer.row.scene, view, 1 << 20, {}).value());
+  CHECK(last.exposure == test::Metered(*viewer.row.scene, view));
   CHECK(last.exposure < -16);
   // Frames on their way hold radiance times 2^range: what is seen is as bright.
   uint32_t seen = 0;
@@ -298,7 +299,7 @@ TEST_CASE("After a jump at rest the exposure is that of the exact picture before
   const double asked_s = viewer.now_s;
   while (viewer.frames.empty()) viewer.Pass();
   const View view = viewer.frames.front().wanted.view;
-  const double metered = MeterExposure(*viewer.row.scene, view, 1 << 20, {}).value();
+  const double metered = test::Metered(*viewer.row.scene, view);
   CHECK(viewer.frames.front().exposure != metered);
   while (viewer.frames.back().exposure != metered) {
     viewer.Pass();

@@ -66,10 +66,12 @@ struct Office {
       : jobs(io, SceneFacts{}, std::move(spool), memory,
              {[this] { ++work; }, [this](const Job& job) { over.push_back(job.id); },
               [this](const std::string& line) { log.push_back(line); },
-              [this](const View& view, std::stop_token) -> Result<double> {
+              [this](const Job&, std::function<void(double)> done) {
                 ++metered;
-                metered_width = view.width;
-                return 1.5;
+                if (meters_at_once)
+                  done(1.5);
+                else
+                  metered_later = std::move(done);
               }}) {}
 
   Status Ask(const std::shared_ptr<Client>& client, const RenderJob& job, uint32_t have = 0) {
@@ -110,8 +112,9 @@ struct Office {
   boost::asio::io_context io;
   boost::asio::executor_work_guard<boost::asio::io_context::executor_type> stays{io.get_executor()};
   int work = 0;
-  std::atomic<int> metered{0};  ///< on the encoder's thread
-  std::atomic<uint32_t> metered_width{0};
+  int metered = 0;
+  bool meters_at_once = true;
+  std::function<void(double)> metered_later;
   std::vector<std::string> over, log;
   Jobs jobs;
 };
@@ -140,6 +143,39 @@ TEST_CASE("A job's exposure is metered once, unless it is given or the file form
       CHECK(statistics["exposure_ev"] == (format == "auto" ? 1.5 : format == "given" ? -2 : 0));
     }
   }
+}
+
+TEST_CASE("Frames wait for their job's exposure, and go with their job", "[jobs]") {
+  Office office;
+  office.meters_at_once = false;
+  const auto a = std::make_shared<Client>(), b = std::make_shared<Client>("client:2");
+  REQUIRE(office.Ask(a, Walk(2)).has_value());
+  RenderJob linear = Walk(1, 100);
+  linear.format.name = "exr";
+  REQUIRE(office.Ask(b, linear).has_value());
+  auto begun = office.BeginAll();
+  REQUIRE(begun.size() == 3);
+  const auto job = begun[0].job, other = begun[2].job;
+  for (JobFrame& frame : begun) office.Render(std::move(frame));
+  office.RunUntil([&] { return b->Frames() == Numbers{10}; });  // an EXR has no exposure
+  CHECK(a->Frames().empty());
+  CHECK(job->states[0] == Job::FrameState::kActive);
+  office.metered_later(2.5);
+  office.RunUntil([&] { return a->Frames() == Numbers{10, 11}; });
+  CHECK(nlohmann::json::parse(DecodeFrameDone(a->got[0].table)->statistics)["exposure_ev"] == 2.5);
+  CHECK(office.metered == 1);
+
+  // A job that ends takes its frames along, and others begin in their place.
+  const auto c = std::make_shared<Client>("client:3");
+  REQUIRE(office.Ask(c, Walk(4, 200)).has_value());
+  auto lost = office.BeginAll();
+  REQUIRE(lost.size() == 4);
+  const auto failed = lost[0].job;
+  for (JobFrame& frame : lost) office.Render(std::move(frame));
+  REQUIRE(office.Ask(a, Walk(1, 300)).has_value());
+  CHECK(office.BeginAll().empty());  // too many are on their way to the disk
+  office.jobs.Fail(failed, "a reason");
+  CHECK(office.BeginAll().size() == 1);
 }
 
 TEST_CASE("Frames are begun in the order of jobs and cameras, each with its own camera", "[jobs]") {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/metered.h"
 #include "tests/support/rendering/row_scene.h"
 
 namespace quarry {
@@ -93,27 +94,23 @@ TEST_CASE("A backdrop does not count for the exposure; a background that is ligh
   const test::Row row;
   View view = test::Looking({0, -20, 0}, {3, 10, 4});
   view.background = glm::vec3(100);
-  const auto behind = MeterExposure(*row.scene, view, 1 << 20, {});
+  const double behind = test::Metered(*row.scene, view);
   view.backdrop = false;
-  const auto light = MeterExposure(*row.scene, view, 1 << 20, {});
-  REQUIRE(behind.has_value());
-  REQUIRE(light.has_value());
-  CHECK(*behind > *light + 2);
+  CHECK(behind > test::Metered(*row.scene, view) + 2);
 }
 
 TEST_CASE("A crop, samples and caches do not change the exposure of a view", "[exposure]") {
   const test::Row row;
   View view = test::Looking({0, -20, 0}, {3, 10, 4});
   view.mode = RenderMode::kAo;
-  const auto whole = MeterExposure(*row.scene, view, 1 << 20, {});
-  REQUIRE(whole.has_value());
-  CHECK(*whole != 0);
+  const double whole = test::Metered(*row.scene, view);
+  CHECK(whole != 0);
   view.crop = {5, 6, 7, 8};
   view.spp = 16;
   view.aov_mask = 127;
-  CHECK(*MeterExposure(*row.scene, view, 0, {}) == *whole);
+  CHECK(test::Metered(*row.scene, view, 0) == whole);
   view.mode = RenderMode::kVoxels;
-  CHECK(*MeterExposure(*row.scene, view, 0, {}) == 0);
+  CHECK(test::Metered(*row.scene, view, 0) == 0);
 }
 
 }  // namespace quarry

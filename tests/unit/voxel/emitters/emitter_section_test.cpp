@@ -46,8 +46,44 @@ TEST_CASE("A store returns its emitters with the catalog", "[path]") {
   const auto sent = UnpackSections(PackSections(store->catalog_sections()));
   REQUIRE(sent);
   CHECK(DecodeCatalog(store->catalog().id, *sent)->emitters == emitters);
+  CHECK((sent && store->catalog().names_emitters && Shines(store->catalog())));
   WriteShining(folder.file("none"), {});
-  CHECK(StoreReader::Open(folder.file("none"))->catalog().emitters.empty());
+  const auto none = StoreReader::Open(folder.file("none"));
+  REQUIRE(none);
+  CHECK(none->catalog().emitters.empty());
+  CHECK_FALSE(Shines(none->catalog()));
+}
+
+TEST_CASE("A store of a version before emitters shines by its materials", "[path]") {
+  const test::TemporaryFolder folder;
+  WriteShining(folder.file("s"), {});
+  const auto store = StoreReader::Open(folder.file("s"));
+  REQUIRE(store);
+  std::vector<Section> sections = store->catalog_sections();
+  std::erase_if(sections, [](const Section& section) { return section.type == SectionType::kEmitters; });
+  const auto old = DecodeCatalog(store->catalog().id, sections);
+  REQUIRE(old);
+  CHECK_FALSE(old->names_emitters);
+  CHECK(Shines(*old));
+}
+
+TEST_CASE("A store of a version before materials' forms compares the two", "[path]") {
+  const test::TemporaryFolder folder;
+  WriteShining(folder.file("s"), {});
+  const auto with_flags = [&](uint32_t flags) -> Result<Catalog> {
+    Changed store(folder.file("s"));
+    constexpr uint64_t kEntry = 4, kFlags = 72;
+    store.Put(store.Begin(SectionType::kMaterials) + kEntry + kFlags, flags);
+    fuzz::MendStore(std::as_writable_bytes(std::span(store.bytes)));
+    auto opened = store.Open();
+    if (!opened) return tl::unexpected<Error>(opened.error());
+    return opened->catalog();
+  };
+  CHECK(with_flags(0)->materials[0].is_open_pbr);
+  CHECK(with_flags(4)->materials[0].is_open_pbr);
+  CHECK_FALSE(with_flags(8)->materials[0].is_open_pbr);
+  CHECK_FALSE(with_flags(12).has_value());
+  CHECK_FALSE(with_flags(16).has_value());
 }
 
 TEST_CASE("Damaged emitters are refused", "[path]") {

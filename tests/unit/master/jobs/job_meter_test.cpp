@@ -1,0 +1,119 @@
+#include "master/job_meter.h"
+
+#include <catch2/catch.hpp>
+#include <optional>
+
+#include "tests/support/cluster/live_cluster.h"
+#include "tests/support/rendering/looking.h"
+#include "tests/support/rendering/metered.h"
+#include "tests/support/rendering/row_scene.h"
+
+// Exposures of jobs, metered by workers.
+
+namespace quarry {
+namespace {
+
+/// A meter before workers that render when the test says so.
+struct Metering {
+  explicit Metering(const Scene& scene)
+      : workers(scene), meter(workers, scene.catalog().materials, kFirstMeterFrame | 5) {}
+
+  void Begin(const std::string& job, const View& view) {
+    meter.Begin(job, view, [this, job](double metered) {
+      REQUIRE_FALSE(ev.contains(job));
+      ev[job] = metered;
+    });
+    meter.Assign(now_s);
+  }
+  /// The worker of the oldest order answers it.
+  Status RunOne(bool cut_short = false) {
+    const test::LiveCluster::Ordered next = workers.orders.front();
+    workers.orders.pop_front();
+    CHECK(JobMeter::Owns(next.order.frame));
+    Bytes pixels;
+    const TileDone done = workers.Render(next, pixels);
+    if (cut_short) pixels.pop_back();
+    const Status taken = meter.Take(next.worker, done, pixels);
+    meter.Assign(now_s);
+    return taken;
+  }
+  void RunAll() {
+    while (!workers.orders.empty()) REQUIRE(RunOne().has_value());
+  }
+
+  test::LiveCluster workers;
+  JobMeter meter;
+  std::map<std::string, double> ev;
+  double now_s = 10;
+};
+
+View Lit(RenderMode mode) {
+  View view = test::Looking({0, -20, 0}, {3, 10, 4}, 200, 150);
+  view.mode = mode;
+  view.sky.radiance = glm::vec3(0.5f);
+  return view;
+}
+
+}  // namespace
+
+TEST_CASE("Workers meter what one renderer meters, in every mode", "[exposure]") {
+  const test::Row row;
+  for (const RenderMode mode : {RenderMode::kAo, RenderMode::kRaycast, RenderMode::kPath}) {
+    Metering metering(*row.scene);
+    const View view = Lit(mode);
+    metering.Begin("job", view);  // before there are workers
+    CHECK(metering.workers.orders.empty());
+    metering.meter.AddWorker(1, 1);
+    metering.meter.AddWorker(2, 2);
+    metering.meter.Assign(metering.now_s);
+    CHECK(metering.workers.orders.size() > 1);
+    metering.RunAll();
+    REQUIRE(metering.ev.contains("job"));
+    CHECK(metering.ev["job"] == test::Metered(*row.scene, view));
+  }
+}
+
+TEST_CASE("Tiles of a worker that is lost are metered by another", "[exposure]") {
+  const test::Row row;
+  Metering metering(*row.scene);
+  metering.meter.AddWorker(1, 1);
+  metering.meter.AddWorker(2, 1);
+  const View view = Lit(RenderMode::kAo);
+  metering.Begin("job", view);
+  REQUIRE(metering.RunOne().has_value());
+  std::erase_if(metering.workers.orders, [](const auto& order) { return order.worker == 1; });
+  metering.meter.RemoveWorker(1);
+  metering.meter.Assign(metering.now_s);
+  metering.RunAll();
+  REQUIRE(metering.ev.contains("job"));
+  CHECK(metering.ev["job"] == test::Metered(*row.scene, view));
+}
+
+TEST_CASE("Several jobs are metered at once; one that ends is forgotten; a wrong result is refused",
+          "[exposure]") {
+  const test::Row row;
+  Metering metering(*row.scene);
+  metering.meter.AddWorker(1, 1);
+  const View view = Lit(RenderMode::kAo);
+  for (const char* const job : {"a", "b", "c"}) metering.Begin(job, view);
+  CHECK_FALSE(metering.RunOne(true).has_value());
+  metering.meter.End("b");
+  metering.meter.End("unknown");
+  metering.meter.RemoveWorker(1);
+  metering.workers.orders.clear();
+  metering.meter.AddWorker(3, 1);
+  metering.meter.Assign(metering.now_s);
+  metering.RunAll();
+  CHECK(metering.ev.size() == 2);
+  CHECK(metering.ev["a"] == metering.ev["c"]);
+}
+
+TEST_CASE("An exposure of mode path takes 16 samples and leaves lamps out", "[exposure]") {
+  const View path = MeteredView(Lit(RenderMode::kPath)), ao = MeteredView(Lit(RenderMode::kAo));
+  CHECK(path.spp == 16);
+  CHECK(path.meters);
+  CHECK(ao.spp == 1);
+  CHECK_FALSE(ao.meters);
+}
+
+}  // namespace quarry
