@@ -1,5 +1,6 @@
 """Programs that are told to end (SIGTERM): workers that leave, and masters that keep their jobs."""
 import json
+import math
 import pathlib
 import re
 import signal
@@ -12,14 +13,16 @@ from tests.integration.programs import BIN, PATIENCE, TIMEOUT_S, Case, end, main
 
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70"]
 TILES = 16 * 12  # of that picture
-# Costs a hundred times what a master guesses of a mode's samples: the first tiles do not come in short ranges.
-LONG = ["--mode", "ao", "--ao-samples", 256, *VIEW[2:]]
 
 
 class Leaving(Case):
     def setUp(self):
         super().setUp()
         self.scene = self.store("plant", 200000)
+        # Costs a hundred times what a master guesses of a mode's samples: the first tiles do not come in short ranges.
+        lights = {"lights": [{"type": "sun", "direction": [math.cos(i), math.sin(i), 0.2 + i / 100], "radiance": [0.01] * 3} for i in range(256)]}
+        pathlib.Path(self.path("lights.json")).write_text(json.dumps(lights))
+        self.long = ["--mode", "shadow", "--lights", self.path("lights.json"), *VIEW[2:]]
 
     def render(self, name, *arguments, view=VIEW):
         output = self.path(name + ".exr")
@@ -93,7 +96,7 @@ class Leaving(Case):
         _, address = self.start_master(self.scene)
         leaver = self.start_worker(address, "--threads", 1)
         picture = ("--spp", 100, "--crop", "224,160,32,32")
-        client, output = self.client(address, "long.exr", *picture, "--quiet", view=LONG)
+        client, output = self.client(address, "long.exr", *picture, "--quiet", view=self.long)
         self.at_work(leaver)
         time.sleep(0.2)
         took, _ = self.leave(leaver)
@@ -102,14 +105,14 @@ class Leaving(Case):
         self.start_worker(address, "--threads", 2)
         self.assertEqual(client.wait(timeout=TIMEOUT_S), 0, client.stderr.read())
         self.assertEqual(self.frame()["leases_lost"], 1)
-        self.assertEqual(pathlib.Path(output).read_bytes(), self.render("reference", "--workers", 1, "--threads", 2, *picture, view=LONG))
+        self.assertEqual(pathlib.Path(output).read_bytes(), self.render("reference", "--workers", 1, "--threads", 2, *picture, view=self.long))
 
     def test_a_second_signal_ends_a_worker_at_once(self):
         """Signals that come together are one. A worker leaves after 0.8 s: where this machine is slow, another attempt is made."""
         for _ in range(5):
             _, address = self.start_master(self.scene)
             worker = self.start_worker(address, "--threads", 1)
-            self.client(address, "long.exr", "--spp", 400, "--crop", "224,160,64,32", "--quiet", view=LONG)
+            self.client(address, "long.exr", "--spp", 400, "--crop", "224,160,64,32", "--quiet", view=self.long)
             time.sleep(1.2 * PATIENCE)
             for _ in range(3):
                 worker.send_signal(signal.SIGTERM)
