@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import http from 'node:http';
 import { after, before, test } from 'node:test';
 import { Cluster } from './cluster.mjs';
-import { apart, drawnBy, errors, eyeOf, launch, open as openIn, pause, shoot, SIZE, untilExact, viewOf, visit } from './viewing.mjs';
+import { apart, drawnBy, errors, exactOf, eyeOf, launch, open as openIn, pause, shoot, SIZE, untilExact, viewOf, visit } from './viewing.mjs';
 
 const cluster = new Cluster();
 let browser, page;
@@ -200,6 +200,27 @@ test('a chosen background, and the plain one again', async () => {
   await seen.locator('#background-automatic').check();
   await untilExact(seen);
   assert.equal((await viewOf(seen)).background, undefined);
+  await seen.context().close();
+});
+
+test('mode path names its lights, and the tone curve is chosen', async () => {
+  const seen = await open(cluster.url);
+  await untilExact(seen);
+  await seen.getByRole('button', { name: 'Settings' }).click();
+  await seen.evaluate(next => window.quarry.setView(next), { ...await viewOf(seen), mode: 'path', spp: 2 });
+  const film = (await exactOf(seen)).png;
+  assert.equal((await viewOf(seen)).tonemap, undefined);
+  await seen.locator('#tone').selectOption('clip');
+  await seen.waitForFunction(() => window.quarry.view().tonemap === 'clip');
+  await untilExact(seen);
+  const { view, png } = await exactOf(seen);
+  assert.ok(!png.equals(film), 'bright values are cut off now');
+  assert.ok(png.equals(cluster.render(view)), 'the exact frame is the file that quarry render writes');
+  await seen.locator('#status').click();
+  await seen.waitForFunction(() => /Light\s*sun, sky/.test(document.getElementById('details').innerText));
+  await shoot(seen, 'path');
+  await seen.locator('#tone').selectOption('');
+  await seen.waitForFunction(() => window.quarry.view().tonemap === undefined);
   await seen.context().close();
 });
 

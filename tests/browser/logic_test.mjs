@@ -5,6 +5,7 @@ import test from 'node:test';
 import { beforeEye } from '../../master/display/page/marks/drawing.js';
 import { framesThrough, keptText, readFile } from '../../master/display/page/kept/kept_file.js';
 import { History } from '../../master/display/page/kept/history.js';
+import { hexToRadiance, radianceToHex } from '../../master/display/page/colours.js';
 import { checkedInside, fromFragment, toFragment } from '../../master/display/page/view_state.js';
 import { nearestOnLine, planeInBox, roundedOut, sectionOf, sharedBox, withSide } from '../../master/display/page/section/cut.js';
 import { roundLength, unitName, withUnit } from '../../master/display/page/marks/units.js';
@@ -120,8 +121,17 @@ test('a link holds hidden parts, colours and the section; other text in it is ig
   const home = { camera: CAMERA, mode: 'ao', spp: 4, size: [4, 3] };
   const view = { ...home, hide: ['a/b #2', 'ü'], only: ['*'], colors: [{ parts: ['a'], color: [0.1, 0.2, 0.3] }], section: { box: [[0, 0, 0], [1, 1, 1]], caps: false } };
   assert.deepEqual(fromFragment(toFragment(view, home), home, ['ao']), view);
-  assert.deepEqual(fromFragment('#hide=[1]&only=x&section={}', home, ['ao']), home);
+  assert.deepEqual(fromFragment(toFragment({ ...home, tonemap: 'clip' }, home), home, ['ao']), { ...home, tonemap: 'clip' });
+  assert.deepEqual(fromFragment('#hide=[1]&only=x&section={}&tone=loud', home, ['ao']), home);
   assert.deepEqual(checkedInside({ ...home, only: [], hide: [] }).dropped, ['only']);
+});
+
+test('a chosen colour is the radiance that shows it, by either tone curve', () => {
+  for (const tone of ['clip', 'film']) {
+    for (const hex of ['#000000', '#204060', '#c0d0e0', '#f8fafb']) assert.equal(radianceToHex(hexToRadiance(hex, 1.5, tone), 1.5, tone), hex);
+  }
+  assert.ok(hexToRadiance('#e0e0e0', 0, 'film')[0] > hexToRadiance('#e0e0e0', 0, 'clip')[0]);
+  assert.equal(radianceToHex([0.3, 0.3, 0.3], 0, 'film'), radianceToHex([0.3, 0.3, 0.3], 0, 'clip'));
 });
 
 test('a file of kept views is read again, and others are named', () => {
