@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "common/engine/integrators/path/path_numbers.h"
 #include "common/engine/surfaces/surface_packet.h"
 
 namespace quarry {
@@ -9,8 +10,9 @@ namespace quarry {
 /// The state of the paths of a packet in mode `path`, one array per field, beside SamplePacket. A vertex
 /// decides where its path goes on before the light ray leaves, so that its surface is looked at once.
 struct PathPacket {
-  uint64_t seen;     ///< lanes whose ray comes from the eye, straight or by mirrors and glass
-  Vectors radiance;  ///< found so far, summed up in the order of the path
+  PathNumbers numbers;  ///< of the vertices
+  uint64_t seen;        ///< lanes whose ray comes from the eye, straight or by mirrors and glass
+  Vectors radiance;     ///< found so far, summed up in the order of the path
   Vectors next_direction, next_weight;   ///< of the ray that goes on from the vertex; weight 0: none
   float next_density[RayPacket::kRays];  ///< see PathBsdf::Sample
   float next_width[RayPacket::kRays];

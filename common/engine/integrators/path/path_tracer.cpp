@@ -14,21 +14,12 @@
 #include "common/engine/surfaces/shown_parts.h"
 #include "common/math/elementary.h"
 #include "common/math/random.h"
-#include "common/math/sampling.h"
 
 namespace quarry {
 namespace {
 
-/// Slots of a vertex's dimensions, see kDimensionsPerBounce.
-enum Slot : uint32_t { kDirection = 0, kChoice = 2, kLight = 4, kLightPlace = 6 };
 /// Bounces before paths end by chance.
 constexpr uint32_t kSafeBounces = 3;
-
-glm::vec2 Numbers(const PacketWork& work, uint32_t lane, Slot slot) {
-  const SamplePacket& s = work.samples;
-  return SobolSample(work.view.view.seed, s.image_pixel[lane], s.sample[lane],
-                     s.depth[lane] * kDimensionsPerBounce + slot);
-}
 
 /// A number in [0, 1) for the path and the triangle that it has met, so that a triangle found twice has one
 /// fate.
@@ -115,6 +106,7 @@ void PathTracer::EndPaths(PacketWork& work, uint64_t lanes) const {
 void PathTracer::Shade(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   uint64_t passing = 0, ended = 0;
+  work.path->numbers.Draw(view_.seed, s, lanes);
   ForEachProperties(work, lanes, [&](const SurfaceProperties& properties, uint64_t same) {
     ForEachLane(same, [&](uint32_t i) {
       const Outcome outcome = Meet(work, i, properties);
@@ -181,8 +173,9 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   }
   if (m.ior > 1 && m.transmission_depth > 0 && !surface.entering)
     weight *= PowerOf(m.transmission_color, hit_t / m.transmission_depth);
-  const GlassRay ray = passing.pane > 0 ? GlassRay{MirrorDirection(surface), glm::vec3(1), false}
-                                        : ThroughGlass(m, surface, Numbers(work, lane, kChoice).x);
+  const GlassRay ray = passing.pane > 0
+                           ? GlassRay{MirrorDirection(surface), glm::vec3(1), false}
+                           : ThroughGlass(m, surface, path.numbers.At(PathNumbers::kChoice, lane).x);
   path.next_direction.Set(i, ray.direction);
   path.next_weight.Set(i, weight * ray.weight);
   path.next_density[lane] = 0;
@@ -196,8 +189,8 @@ void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfacePropert
   const auto i = static_cast<int>(lane);
   const PathBsdf bsdf(m, s.surface[i]);
   AskLight(work, lane, bsdf);
-  const PathBsdf::Sample next =
-      bsdf.SampleDirection(Numbers(work, lane, kDirection), Numbers(work, lane, kChoice).x);
+  const PathBsdf::Sample next = bsdf.SampleDirection(path.numbers.At(PathNumbers::kDirection, lane),
+                                                     path.numbers.At(PathNumbers::kChoice, lane).x);
   path.next_direction.Set(i, next.direction);
   path.next_weight.Set(i, s.weight[i] * next.weight);
   path.next_density[lane] = next.density;
@@ -211,9 +204,10 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf)
   if (lights_.empty()) return;
   SamplePacket& s = work.samples;
   const auto i = static_cast<int>(lane);
+  const PathNumbers& numbers = work.path->numbers;
   const Surface surface = s.surface[i];
-  const PathLights::Sample sample =
-      lights_.Toward(surface.position, Numbers(work, lane, kLight), Numbers(work, lane, kLightPlace));
+  const PathLights::Sample sample = lights_.Toward(surface.position, numbers.At(PathNumbers::kLight, lane),
+                                                   numbers.At(PathNumbers::kLightPlace, lane));
   if (!(Largest(sample.light) > 0)) return;
   const PathBsdf::Scattered scattered = bsdf.Toward(sample.direction);
   glm::vec3 light = s.weight[i] * scattered.weight * sample.light;
@@ -252,7 +246,7 @@ void PathTracer::GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from
     if (s.depth[lane] >= view_.bounces && !can_find_light_) return;
     if (s.depth[lane] >= kSafeBounces) {
       const float chance = std::min(Largest(weight), 1.0f);
-      if (!(Numbers(work, lane, kChoice).y < chance)) return;
+      if (!(path.numbers.At(PathNumbers::kChoice, lane).y < chance)) return;
       weight /= chance;
     }
     if (!(Largest(weight) > 0)) return;
