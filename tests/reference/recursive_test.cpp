@@ -10,6 +10,7 @@
 // right picture has 2 in 10,000 blocks beyond 4 sigma and 3 in 10 million beyond 6.
 // A mean of 0.4 % at most, by its sigma, is asked for: noise hides no error of a few percent.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <glm/geometric.hpp>
@@ -137,16 +138,94 @@ void CompareModel(const std::string& name, const View& view, int side) {
   Compare(name, store, view, side);
 }
 
+/// The camera leans, so that no edge runs along rows of pixels: Quarry's first sample is always the pixel's
+/// centre, which counts more or less of such an edge all along, by 1 / view.spp of a pixel at most.
 View Looking(const glm::dvec3& eye, const glm::dvec3& at, double fov, uint32_t side, uint32_t spp) {
   View view;
   view.width = view.height = side;
   view.spp = spp;
   view.camera.eye = eye;
   view.camera.at = at;
-  view.camera.up = {0, 1, 0};
+  view.camera.up = {0.1, 1, 0};
   view.camera.fov_degrees = fov;
   view.bounces = 3;
   return view;
+}
+
+/// A model of triangles with normals and colours of vertices, each with its material.
+class Shapes {
+ public:
+  struct Vertex {
+    glm::dvec3 at, normal;
+    glm::ivec3 color{255};
+  };
+  /// A flat parallelogram; its corners have these colours.
+  void AddPlate(const glm::dvec3& corner, const glm::dvec3& a, const glm::dvec3& b, int material,
+                const std::array<glm::ivec3, 4>& colors = {glm::ivec3(255), glm::ivec3(255), glm::ivec3(255),
+                                                           glm::ivec3(255)}) {
+    const glm::dvec3 normal = glm::normalize(glm::cross(a, b));
+    const int first = static_cast<int>(vertices_.size());
+    vertices_.push_back({corner, normal, colors[0]});
+    vertices_.push_back({corner + a, normal, colors[1]});
+    vertices_.push_back({corner + a + b, normal, colors[2]});
+    vertices_.push_back({corner + b, normal, colors[3]});
+    faces_.push_back({first, first + 1, first + 2, material});
+    faces_.push_back({first, first + 2, first + 3, material});
+  }
+  /// A coarse ball with the normals of a round one, so that the two kinds of normals differ.
+  void AddBall(const glm::dvec3& centre, double radius, int material, int turns = 16) {
+    const int rings = turns / 2, first = static_cast<int>(vertices_.size());
+    for (int ring = 0; ring <= rings; ++ring)
+      for (int turn = 0; turn <= turns; ++turn) {
+        const double down = kPi * ring / rings, around = 2 * kPi * turn / turns;
+        const glm::dvec3 normal(std::sin(down) * std::cos(around), std::sin(down) * std::sin(around),
+                                std::cos(down));
+        vertices_.push_back({centre + normal * radius, normal, glm::ivec3(255)});
+      }
+    for (int ring = 0; ring < rings; ++ring)
+      for (int turn = 0; turn < turns; ++turn) {
+        const int at = first + ring * (turns + 1) + turn, below = at + turns + 1;
+        if (ring > 0) faces_.push_back({at, below, at + 1, material});
+        if (ring + 1 < rings) faces_.push_back({at + 1, below, below + 1, material});
+      }
+  }
+  /// Makes a store in `folder`.
+  std::string Made(const TemporaryFolder& folder, const std::vector<Material>& materials) const {
+    std::ofstream out(folder.file("m.ply"));
+    out.precision(9);
+    out << "ply\nformat ascii 1.0\nelement vertex " << vertices_.size();
+    for (const char* name : {"x", "y", "z", "nx", "ny", "nz"}) out << "\nproperty float " << name;
+    for (const char* name : {"red", "green", "blue"}) out << "\nproperty uchar " << name;
+    out << "\nelement face " << faces_.size()
+        << "\nproperty list uchar int vertex_indices\nproperty int material_index\nend_header\n";
+    for (const auto& [at, normal, color] : vertices_)
+      out << at.x << ' ' << at.y << ' ' << at.z << ' ' << normal.x << ' ' << normal.y << ' ' << normal.z
+          << ' ' << color.x << ' ' << color.y << ' ' << color.z << '\n';
+    for (const auto& [a, b, c, material] : faces_)
+      out << "3 " << a << ' ' << b << ' ' << c << ' ' << material << '\n';
+    out.close();
+    std::ofstream library(folder.file("m.materials.json"));
+    WriteMaterialJson({materials, {"part"}, {}, {}}, library);
+    library.close();
+    const std::string store = folder.file("scene.quarry");
+    MakeStore({.models = {folder.file("m.ply")}, .output = store, .up_axis = 2});
+    return store;
+  }
+
+ private:
+  std::vector<Vertex> vertices_;
+  std::vector<std::array<int, 4>> faces_;
+};
+
+Material Glass(float ior, float specular_ior, const glm::vec3& color) {
+  Material m = White(0, 0, 1);
+  m.transmission_weight = 1;
+  m.transmission_color = color;
+  m.ior = ior;
+  m.specular_ior = specular_ior;
+  m.diffuse = glm::vec3(0);
+  m.transmittance = glm::vec3(0.8f);
+  return m;
 }
 
 View CornellView() { return Looking({0, 1, 3.4}, {0, 1, 0}, 40, 64, 9); }
@@ -164,6 +243,71 @@ TEST_CASE("An independent tracer sees the same Cornell boxes of mirrors and glas
     view.spp = 64;
     view.bounces = box == "Water" ? 6 : 4;
     CompareModel("cornell/CornellBox-" + box + ".obj", view, 8);
+  }
+}
+
+TEST_CASE("An independent tracer sees the same layers, metals, glass, panes and lights",
+          "[reference][path]") {
+  const TemporaryFolder folder;
+  Shapes shapes;
+  shapes.AddPlate(
+      {-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0,
+      {glm::ivec3(255, 80, 40), glm::ivec3(40, 255, 90), glm::ivec3(255), glm::ivec3(60, 70, 250)});
+  std::vector<Material> materials(10);
+  materials[0] = White(0.6f, 0, 1);  // a varnished floor of colours
+  materials[1] = White(0.3f, 1, 0);
+  materials[1].base_color = {0.9f, 0.6f, 0.3f};
+  materials[2] = White(0.15f, 0, 0.8f);
+  materials[2].base_color = {0.2f, 0.5f, 0.3f};
+  materials[2].specular_color = {1, 0.7f, 0.8f};
+  materials[2].specular_ior = 1.9f;
+  materials[3] = White(0.9f, 0.4f, 1);  // half metal
+  materials[3].base_color = {0.5f, 0.4f, 0.8f};
+  materials[4] = White(0, 1, 0);  // a mirror
+  materials[4].base_color = {0.9f, 0.95f, 0.8f};
+  materials[5] = Glass(1.5f, 1.5f, {0.4f, 0.7f, 0.9f});
+  materials[5].transmission_depth = 0.5f;
+  materials[5].base_color = {0.9f, 1, 0.95f};
+  materials[6] = Glass(1, 1.5f, {0.7f, 0.9f, 0.5f});  // a pane
+  materials[6].transmission_weight = 0.8f;
+  materials[7] = White(1, 0, 0);  // a veil
+  materials[7].base_color = {0.8f, 0.3f, 0.3f};
+  materials[7].geometry_opacity = 0.4f;
+  materials[7].transmittance = glm::vec3(0.6f);
+  materials[8].base_color = materials[8].diffuse = glm::vec3(0.5f);
+  materials[8].emission = {6, 4, 2};  // a lamp
+  materials[9] = White(0.05f, 0, 1);  // polish on a mirror's scale, and its body
+  materials[9].specular_roughness = 0.02f;
+  materials[9].base_color = {0.6f, 0.3f, 0.1f};
+  for (int i = 0; i < 5; ++i)
+    shapes.AddBall({-1.5 + 0.75 * i, -0.6 + 0.3 * (i % 2), 0.4}, 0.35, i == 4 ? 9 : i + 1);
+  shapes.AddBall({-0.6, -1.5, 0.35}, 0.3, 5, 32);
+  shapes.AddPlate({0.2, -1.9, 0.05}, {0.9, 0.3, 0}, {0, 0.1, 0.8}, 6);
+  shapes.AddPlate({-1.8, -1.7, 0.1}, {0.7, 0, 0}, {0, 0.3, 0.7}, 7);
+  shapes.AddPlate({-0.5, 1.2, 1.2}, {1, 0, 0}, {0, 0.2, 0.5}, 8);
+  const std::string store = shapes.Made(folder, materials);
+  View view = Looking({0.2, -4.6, 2.2}, {0, -0.5, 0.3}, 42, 64, 32);
+  view.camera.up = {0.1, 0, 1};
+  SECTION("under a sky, with a lamp") {
+    view.sky.radiance = {0.5f, 0.6f, 0.9f};
+    Compare("shapes, sky", store, view, 4);
+  }
+  SECTION("a rectangle, with a lamp") {
+    Light lamp;
+    lamp.kind = LightKind::kRectangle;
+    lamp.vector = {0.4f, -2.4f, 0.7f};
+    lamp.edges[0] = {0.5f, 0, 0};
+    lamp.edges[1] = {0, 0.1f, 0.4f};
+    lamp.radiance = {3, 4, 5};
+    view.lights = {lamp};
+    Compare("shapes, rectangle", store, view, 4);
+  }
+  SECTION("a wide sun, with a lamp") {
+    Light sun;
+    sun.vector = glm::normalize(glm::vec3(0.4f, -0.5f, 0.8f));
+    sun.angle = 20;
+    view.lights = {sun};
+    Compare("shapes, sun", store, view, 4);
   }
 }
 
