@@ -285,7 +285,7 @@ TEST_CASE("An independent tracer sees the same layers, metals, glass, panes and 
   materials[7].geometry_opacity = 0.4f;
   materials[7].transmittance = glm::vec3(0.6f);
   materials[8].base_color = materials[8].diffuse = glm::vec3(0.5f);
-  materials[8].emission = {6, 4, 2};  // a lamp
+  materials[8].emission = {3, 2, 1};  // a lamp
   materials[9] = White(0.05f, 0, 1);  // polish on a mirror's scale, and its body
   materials[9].specular_roughness = 0.02f;
   materials[9].base_color = {0.6f, 0.3f, 0.1f};
@@ -294,30 +294,31 @@ TEST_CASE("An independent tracer sees the same layers, metals, glass, panes and 
   shapes.AddBall({-0.6, -1.5, 0.35}, 0.3, 5, 32);
   shapes.AddPlate({0.2, -1.9, 0.05}, {0.9, 0.3, 0}, {0, 0.1, 0.8}, 6);
   shapes.AddPlate({-1.8, -1.7, 0.1}, {0.7, 0, 0}, {0, 0.3, 0.7}, 7);
-  shapes.AddPlate({-0.5, 1.2, 1.2}, {1, 0, 0}, {0, 0.2, 0.5}, 8);
+  shapes.AddPlate({-1, 1.2, 0.9}, {2, 0, 0}, {0, 0.2, 0.8}, 8);
   const std::string store = shapes.Made(folder, materials);
   View view = Looking({0.2, -4.6, 2.2}, {0, -0.5, 0.3}, 42, 64, 16);
   view.camera.up = {0.1, 0, 1};
-  SECTION("under a sky, with a lamp") {
+  SECTION("under a sky") {
     view.sky.radiance = {0.5f, 0.6f, 0.9f};
-    Compare("shapes, sky", store, view, 2);
+    Compare("shapes, sky", store, view, 3);
   }
-  SECTION("a rectangle, with a lamp") {
-    Light lamp;
+  SECTION("by a wide sun and rectangles, of which the eye sees one before the pane") {
+    Light sun, lamp;
+    sun.vector = glm::normalize(glm::vec3(0.4f, -0.5f, 0.8f));
+    sun.radiance = glm::vec3(0.5f);
+    sun.angle = 20;
     lamp.kind = LightKind::kRectangle;
     lamp.vector = {0.4f, -2.4f, 0.7f};
     lamp.edges[0] = {0.5f, 0, 0};
     lamp.edges[1] = {0, 0.1f, 0.4f};
-    lamp.radiance = {3, 4, 5};
-    view.lights = {lamp};
-    Compare("shapes, rectangle", store, view, 2);
-  }
-  SECTION("a wide sun, with a lamp") {
-    Light sun;
-    sun.vector = glm::normalize(glm::vec3(0.4f, -0.5f, 0.8f));
-    sun.angle = 20;
-    view.lights = {sun};
-    Compare("shapes, sun", store, view, 2);
+    lamp.radiance = {0.6f, 0.8f, 1};
+    view.lights = {sun, lamp};
+    lamp.vector = {-2.2f, -1.5f, 1.5f};
+    lamp.edges[0] = {0, 2, 0};
+    lamp.edges[1] = {0.8f, 0, 1.2f};
+    lamp.radiance = {1.5f, 1, 0.7f};
+    view.lights.push_back(lamp);
+    Compare("shapes, sun and rectangles", store, view, 3);
   }
 }
 
