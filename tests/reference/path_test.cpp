@@ -421,7 +421,7 @@ TEST_CASE("An exposure leaves out lamps in mirrors and rectangles before walls, 
   const double lit = MeanOf(Picture(scene, floor));
   floor.meters = true;
   CHECK(MeanOf(Picture(scene, floor)) == Approx(lit).epsilon(1e-6));
-  // A rectangle before the floor shines at it, its front to the floor and its back to the eye; then turned.
+  // A rectangle between the floor and the eye.
   Light lamp;
   lamp.kind = LightKind::kRectangle;
   lamp.vector = {0, 0, 0.4f};
@@ -433,6 +433,31 @@ TEST_CASE("An exposure leaves out lamps in mirrors and rectangles before walls, 
   CHECK(brightest(floor) > 70);
   floor.meters = true;
   CHECK(brightest(floor) < 40);
+}
+
+TEST_CASE("A pane tints no rectangle before it", "[reference][path]") {
+  const TemporaryFolder folder;
+  Quads quads;
+  quads.Add({-1, 1, -1}, {2, 0, 0}, {0, 0, 2}, 0);
+  quads.Add({-1, 2, -1}, {2, 0, 0}, {0, 0, 2}, 0);
+  Material pane = White(0, 0, 1);
+  pane.transmission_weight = 1;
+  pane.transmission_color = pane.transmittance = glm::vec3(0.5f);
+  const Scene scene = quads.Made(folder, {pane});
+  View view = LookingAt({0, -3, 0}, {0, 0, 0}, 16, 16);
+  view.camera.fov_degrees = 5;
+  view.background = glm::vec3(0);
+  view.backdrop = false;
+  view.bounces = 0;
+  Light lamp;
+  lamp.kind = LightKind::kRectangle;
+  lamp.edges[0] = {4, 0, 0};
+  lamp.edges[1] = {0, 0, 4};
+  view.lights = {lamp};
+  CHECK(MeanOf(Picture(scene, view)) == Approx(1).epsilon(1e-5));
+  // Behind one pane it is tinted once, less the share that the pane mirrors.
+  view.lights[0].vector = {0, 1.5f, 0};
+  CHECK(MeanOf(Picture(scene, view)) == Approx(0.96 * 0.5).epsilon(0.02));
 }
 
 TEST_CASE("A pane with a texture is a vertex, for paths and for light", "[reference][path]") {

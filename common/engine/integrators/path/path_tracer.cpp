@@ -144,17 +144,23 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   const bool is_cap = (s.capped >> lane & 1) != 0;
   const Passing passing = is_cap ? Passing{} : PassingAt(work, surface.material, m, cosine);
   float share = passing.hole + passing.pane > 0 || passing.glass > 0 ? ShareOf(work, lane) : 1.0f;
-  if (share < passing.hole + passing.pane) {
-    if (share >= passing.hole) s.weight.Set(i, s.weight[i] * passing.tint);
-    return Outcome::kPasses;
-  }
   const float hit_t = work.rays.hit_t[lane];
   const float begin = s.depth[lane] == 0 ? -s.t_offset[lane] : 0.0f;
   glm::vec3 weight = s.weight[i];
-  if (!LeavesOut(path, lane))
-    AddTo(path, i,
-          weight * lights_.OnTheWay(work.rays.RayOf(lane).origin, work.rays.DirectionOf(lane), begin, hit_t,
-                                    path.density[lane]));
+  const auto crossed = [&] {
+    if (LeavesOut(path, lane)) return glm::vec3(0);
+    return weight * lights_.OnTheWay(work.rays.RayOf(lane).origin, work.rays.DirectionOf(lane), begin, hit_t,
+                                     path.density[lane]);
+  };
+  if (share < passing.hole + passing.pane) {
+    if (share >= passing.hole) {
+      // The ray's end adds all rectangles of its way with all tints: those before the pane lack this share.
+      AddTo(path, i, (glm::vec3(1) - passing.tint) * crossed());
+      s.weight.Set(i, weight * passing.tint);
+    }
+    return Outcome::kPasses;
+  }
+  AddTo(path, i, crossed());
   if (m.unlit) {
     if (path.density[lane] == 0) AddTo(path, i, weight * m.emission * surface.color);
     return Outcome::kEnds;
