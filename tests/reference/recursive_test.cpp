@@ -1,17 +1,19 @@
 // Mode `path` against an independent tracer: recursive_tracer.h, which shares no code with it but the store,
 // the materials and the view.
 //
-// How pictures are compared: each program renders a picture with kSeeds seeds. A block of 8x8 pixels has a
-// mean a channel and a seed. The seeds' spread gives the standard error of a block's mean, and both programs'
-// errors together the sigma of their difference. At most one block in 1,000 may differ by more than 4 sigma
-// and none by more than 6. The means of whole pictures may differ by 4 of their own sigmas, which come from
-// the seeds' whole pictures, so that noise that blocks share counts.
+// How pictures are compared: each program renders a picture with each of kSeeds seeds. A block of 8x8 pixels
+// has a mean for each channel and seed. The spread over seeds gives the standard error of a block's mean; the
+// sigma of the difference is made of both programs' errors. At most one block in 1,000 may differ by more
+// than 4 sigma, and none by more than 6. The means of whole pictures may differ by 4 of their own sigmas.
+// These come from the seeds' whole pictures, so that noise that blocks share counts.
+//
 // kSeeds: sigmas of few seeds are themselves uncertain. With 64 seeds a program, 126 degrees of freedom, a
-// right picture has 1 in 10,000 blocks beyond 4 sigma and 2 in 100 million beyond 6. Half as many seeds leave
-// sigmas too uncertain where few samples find the light, behind glass.
-// A sigma of the means of 0.4 % at most is asked for, so that noise hides no error of a few percent.
-// Textures are left out of the models, cut-outs too: their filters are no subject of this comparison. So are
-// mediums other than glass, and all that recursive_tracer.h leaves out.
+// right picture has 1 in 10,000 blocks beyond 4 sigma and 2 in 100 million beyond 6. A block that is lit by a
+// few rare paths still has too small a sigma when they are missed, so lamps are large. A sigma of the means
+// of 0.4 % at most is asked for, so that noise hides no error of a few percent.
+//
+// The models have no textures here, nor cut-outs: filters are another subject. recursive_tracer.h names the
+// rest that is left out.
 #include <algorithm>
 #include <array>
 #include <cmath>
