@@ -179,7 +179,10 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
   const bool follows_light = view.mode == RenderMode::kPath;
   // The scene's own emitters are its light.
   if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};
-  view.lights = DefaultLights(scene);
+  SceneSummary seen = scene;
+  QUARRY_ASSIGN(const auto named, NamedViewOf(a));
+  seen.framing.interior |= named == NamedView::kInside;
+  view.lights = DefaultLights(seen);
   DropDefaultLamp(view);
   if (follows_light && !view.sky.shines()) view.sky = DefaultSky(scene);
   return {};

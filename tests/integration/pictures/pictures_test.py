@@ -2,6 +2,7 @@
 import json
 import os
 import pathlib
+import statistics
 import struct
 import sys
 import time
@@ -9,6 +10,7 @@ import unittest.mock
 import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
+from tests.integration.exr import read_exr
 from tests.integration.programs import Case, main
 
 SIZE = ("--size", "200x150")
@@ -31,7 +33,8 @@ def png(path):
 
 class Pictures(Case):
     def render(self, name, *arguments):
-        self.must("quarry", "render", *arguments, "-o", self.path(name), "--quiet", "--force", *SIZE)
+        size = () if "--size" in arguments else SIZE
+        self.must("quarry", "render", *arguments, "-o", self.path(name), "--quiet", "--force", *size)
         return pathlib.Path(self.path(name)).read_bytes()
 
     def test_ao_and_exposure_are_the_same_bytes_for_any_cluster(self):
@@ -97,6 +100,21 @@ class Pictures(Case):
 
         self.assertEqual(lights("dark", ""), ({"turbidity": 3.0}, 1))
         self.assertEqual(lights("shining", "Ke 3 2 1\n"), (None, 0))
+
+    def test_mode_path_has_a_lamp_at_the_eye_inside(self):
+        scene, stats = self.store("plant", 20000), self.path("stats.json")
+        for options, lights in (([], ["sun", "sky"]), (["--view", "inside"], ["sun", "lamp at the eye", "sky"]), (["--view", "inside", "--sun", "0,0,1"], ["sun"])):
+            self.render("p.png", scene, "--mode", "path", "--spp", 1, "--size", "32x24", "--stats", stats, *options)
+            self.assertEqual(json.loads(pathlib.Path(stats).read_text())["lights"], lights)
+        # It lights what the sun and the sky do not.
+        view = self.path("lamp.json")
+        self.render("r.exr", scene, "--mode", "path", "--spp", 32, "--size", "48x36", "--view", "inside", "--write-view", view)
+        without = json.loads(pathlib.Path(view).read_text())
+        self.assertEqual(without["lights"].pop()["position"], "eye")
+        pathlib.Path(view).write_text(json.dumps(without))
+        self.render("w.exr", scene, "--view", view, "--size", "48x36")
+        lit, dark = (statistics.median(g for row in read_exr(self.folder / name).rows["G"] for g in row) for name in ("r.exr", "w.exr"))
+        self.assertGreater(lit, 2 * dark)
 
     def test_a_camera_path_may_hold_the_look_of_its_frames(self):
         scene = self.store("city", 20000)
