@@ -7,6 +7,7 @@ import math
 import numpy
 
 BLACK = (0, 0, 0)
+KITCHEN = "bitterli_country_kitchen"
 
 
 @dataclasses.dataclass
@@ -206,7 +207,7 @@ def smooth():
 def kitchen(scenes, kind):
     """The kitchen with flat facets. `kind`: diffuse; ggx, where metals are rough and white; or fresnel, where shiny paint has a smooth clear layer
     and glass refracts. Textures count as their mean, about 0.4; white paint is 0.7 at most, so that light ends in the room."""
-    folder = scenes / "bitterli_country_kitchen"
+    folder = scenes / KITCHEN
     vertices, triangles, numbers, names = read_obj(folder / "scene.obj.gz")
     library, mesh, made, there = read_mtl(folder / "scene.mtl"), Mesh(), [], []
     for name in names:
