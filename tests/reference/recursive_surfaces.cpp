@@ -88,6 +88,21 @@ glm::dvec3 MirroredView(const Meeting& at) {
   return glm::normalize(mirrored);
 }
 
+namespace {
+
+/// The mean of a boundary's share over a hemisphere, by the cosine.
+double MeanShare(double index) {
+  constexpr int kSteps = 64;
+  double sum = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    const double cosine = (i + 0.5) / kSteps;
+    sum += 2 * cosine * BoundaryShare(cosine, index) / kSteps;
+  }
+  return sum;
+}
+
+}  // namespace
+
 OpaqueSurface::OpaqueSurface(const Material& m, const LayerShares& shares, const Meeting& at)
     : at_(at),
       width_(static_cast<double>(m.specular_roughness) * static_cast<double>(m.specular_roughness)),
@@ -102,10 +117,10 @@ OpaqueSurface::OpaqueSurface(const Material& m, const LayerShares& shares, const
   metal_ = base * metalness;
   metal_edge_ = (glm::dvec3(1) - base) * metalness;
   layer_ = glm::dvec3(m.specular_color) * (static_cast<double>(m.specular_weight) * (1 - metalness));
-  // Light that facets do not send back at once meets others: each time they reflect the share that they
-  // reflect at normal incidence. Source: Turquin 2019, equation 16.
+  // Light that facets do not send back at once meets others, at all angles: each time they reflect their mean
+  // share. Source: Turquin 2019, equation 16, with the mean of Kulla & Conty 2017.
   const double once = is_mirror_ ? 1 : shares.OfMirrors(view_cosine_);
-  again_ = glm::dvec3(1) + (metal_ + layer_ * BoundaryShare(1, index_)) * ((1 - once) / once);
+  again_ = glm::dvec3(1) + (metal_ + metal_edge_ / 21.0 + layer_ * MeanShare(index_)) * ((1 - once) / once);
   const double of_layer = is_mirror_ ? BoundaryShare(view_cosine_, index_) : shares.OfBoundary(view_cosine_);
   body_ = base * (glm::dvec3(1) - glm::min(layer_ * again_ * of_layer, glm::dvec3(1))) * (1 - metalness);
   const bool has_layer = Mean(metal_ + metal_edge_ + layer_) > 0, has_body = Mean(body_) > 0;

@@ -20,6 +20,11 @@ float Mean(const glm::vec3& v) { return (v.x + v.y + v.z) / 3; }
 
 float FifthPower(float x) { return x * x * x * x * x; }
 
+/// Means of reflected shares over a hemisphere, by the cosine: of a boundary to a medium with an index above
+/// 1, and of the part of Schlick's curve that rises toward the edge. Source: Kulla & Conty 2017, a fit.
+float MeanFresnel(float ior) { return (ior - 1) / (4.08567f + 1.00071f * ior); }
+constexpr float kMeanEdge = 1 / 21.0f;
+
 /// `view` mirrored at a normal, on the outer side of the surface: if that lies inside, mirrored out of it.
 glm::vec3 Mirrored(const glm::vec3& view, const glm::vec3& normal, const glm::vec3& side) {
   const glm::vec3 mirrored = normal * (2 * glm::dot(normal, view)) - view;
@@ -50,8 +55,9 @@ PathBsdf::PathBsdf(const SurfaceProperties& m, const Surface& s) : normal_(s.nor
   const AlbedoTables& tables = AlbedoTables::Get();
   const float of_facets = is_mirror() ? 1.0f : tables.Reflected(view_.z, roughness);
   const float missing = (1 - of_facets) / of_facets;
-  const float root = (ior_ - 1) / (ior_ + 1), f0 = root * root;
-  made_up_ = glm::vec3(1) + (metal_ + layer_ * f0) * missing;
+  // Light that facets meet again meets them at all angles.
+  const glm::vec3 met_again = metal_ + metal_edge_ * kMeanEdge + layer_ * MeanFresnel(ior_);
+  made_up_ = glm::vec3(1) + met_again * missing;
   const float of_layer = is_mirror() ? FresnelOf(view_.z, ior_) : tables.Dielectric(view_.z, roughness, ior_);
   const glm::vec3 taken = glm::min(layer_ * made_up_ * of_layer, glm::vec3(1));
   matt_ = base * (glm::vec3(1) - taken) * (1 - metal);

@@ -18,7 +18,8 @@ namespace quarry {
 /// Shading normals: light and viewer must lie on one side of the geometric normal, so that thin sheets do not
 /// leak. Where light grazes the triangle more than the shading normal says, it fades out (TerminatorShare()),
 /// so that no hard edge of black follows the triangles.
-/// Source: the mix of metal and dielectric base of OpenPBR; Turquin 2019 for multiple scattering.
+/// Source: the mix of metal and dielectric base of OpenPBR; Turquin 2019 for multiple scattering,
+/// with the mean shares of Kulla & Conty 2017.
 class PathBsdf {
  public:
   /// Below this width facets are a mirror. A judgement: the highlight is narrower than the sun.
@@ -61,8 +62,8 @@ class PathBsdf {
   float specular_chance_;  ///< that Sample() chooses a facet
 };
 
-/// The direction of a mirrored ray: by the shading normal, and by the geometric one where the former points
-/// into the surface.
+/// The direction of a mirrored ray: by the shading normal, and mirrored once more at the triangle's plane
+/// where that would lead into the surface.
 glm::vec3 MirrorDirection(const Surface& surface);
 
 /// A ray that meets smooth glass: a boundary between media, or a pane (`ior` 1), behind which it goes
