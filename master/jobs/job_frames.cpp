@@ -62,12 +62,13 @@ void JobFrames::Finish(ActiveFrame& frame, double now_s) {
 }
 
 void JobFrames::OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence) {
-  failures_ += worker.tiles > 0;
-  if (!worker.has_scene || under_way_.empty() || (failures_ < kMostFailures && workers_.all().size() > 1))
-    return;
-  jobs_.Fail(under_way_.begin()->second.frame.job,
-             fmt::format("worker {} cannot get voxels: {}; check its --source, or the master's", worker.name,
-                         sentence));
+  // Pixels may be there and wait for their exposure, for which workers need other blocks.
+  const std::shared_ptr<Job> waiting = jobs_.AwaitsExposure();
+  failures_ += worker.tiles > 0 || (waiting && under_way_.empty());
+  const std::shared_ptr<Job> job = under_way_.empty() ? waiting : under_way_.begin()->second.frame.job;
+  if (!worker.has_scene || !job || (failures_ < kMostFailures && workers_.all().size() > 1)) return;
+  jobs_.Fail(job, fmt::format("worker {} cannot get voxels: {}; check its --source, or the master's",
+                              worker.name, sentence));
 }
 
 std::vector<FrameId> JobFrames::Forget(const Job& job) {

@@ -70,6 +70,10 @@ class Jobs {
   std::vector<JobFrame> Upcoming(size_t most) const;
   /// Takes a frame's pixels, to be encoded and delivered.
   void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
+  /// A job that has pixels which wait for its exposure; null: none.
+  std::shared_ptr<Job> AwaitsExposure() const {
+    return waiting_.empty() ? nullptr : waiting_.front().frame.job;
+  }
   /// Ends a job that cannot be done, and informs its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 

@@ -134,6 +134,11 @@ class Sources(Case):
         self.assertEqual(worker.wait(timeout=TIMEOUT_S), 1)
         self.assertRegex(worker.stderr.read(), r"^quarry-worker: .*is damaged \(checksum\); make the store again\n$")
 
+    def test_damage_beyond_the_crop_ends_a_job_that_waits_for_its_exposure(self):
+        damaged, corner = self.damaged(), ["--mode", "raycast", "--eye=-300,-250,200", "--at", "20,20,20", "--size", "320x240", "--crop", "0,0,8,8", "--workers", 2, "--threads", 1, "--quiet"]
+        self.must("quarry", "render", damaged, "-o", self.path("corner.exr"), *corner)  # the sky needs no block
+        self.must_fail(1, r"damaged\.quarry: block \d+ at byte \d+ is damaged", "quarry", "render", damaged, "-o", self.path("corner.png"), *corner)
+
     def test_a_worker_that_cannot_report_its_failure_still_ends(self):
         _, address = self.start_master(self.scene)
         wire = Wire(address, unheard=b"is damaged")
