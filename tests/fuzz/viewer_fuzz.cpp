@@ -153,6 +153,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   double now_s = 1;
   const auto source =
       scene.MakeSource([](std::function<void()> task) { boost::asio::post(io, std::move(task)); });
+  PartSelections selections(scene.store());
   // No job is ever done here; a viewer may ask for many.
   SavedPictures saved(io,
                       {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
@@ -161,19 +162,13 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::deque<std::pair<uint32_t, RayOrder>> asked;
   RayDispatcher rays([&](uint32_t worker, const RayOrder& order) { asked.emplace_back(worker, order); });
   rays.AddWorker(1);
-  ViewerSite site{io,
-                  moving,
-                  exact,
-                  dispatcher,
-                  rays,
-                  scene,
-                  *source,
-                  saved,
-                  {scene.catalog().id, {}},
-                  Defaults(),
-                  {1u << 20},
-                  [] {},
-                  [&] { return now_s; },
+  ViewerSite site{io,           moving,
+                  exact,        dispatcher,
+                  rays,         scene,
+                  selections,   *source,
+                  saved,        {scene.catalog().id, {}},
+                  Defaults(),   {1u << 20},
+                  [] {},        [&] { return now_s; },
                   [](double) {}};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;

@@ -10,7 +10,7 @@ namespace quarry {
 /// The random numbers of vertices in a packet, one array per slot and dimension: all that a vertex of mode
 /// `path` may need. See SobolSample().
 struct PathNumbers {
-  /// What the two numbers of a slot choose.
+  /// The use of a slot's two numbers.
   enum Slot : uint32_t { kDirection, kChoice, kLight, kLightPlace, kSlots };
 
   glm::vec2 At(Slot slot, uint32_t lane) const { return {x[slot][lane], y[slot][lane]}; }

@@ -204,8 +204,8 @@ void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfacePropert
   if (next.density > 0) path.seen &= ~(uint64_t{1} << lane);
 }
 
-/// Sets a light ray toward a light, and what it brings if nothing is in its way. The light of lanes without
-/// one is 0.
+/// Sets a light ray toward a light, and the radiance that it brings if nothing is in its way. The light of
+/// lanes without one is 0.
 void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const {
   if (lights_.empty()) return;
   SamplePacket& s = work.samples;
