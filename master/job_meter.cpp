@@ -26,6 +26,12 @@ void JobMeter::End(const std::string& job) {
   under_way_.erase(found);
 }
 
+std::string JobMeter::HeldBy(uint32_t worker) const {
+  for (const auto& [frame, metering] : under_way_)
+    if (dispatcher_.Holds(worker, frame)) return metering.job;
+  return {};
+}
+
 void JobMeter::AddWorker(uint32_t id, uint32_t threads) {
   dispatcher_.RemoveWorker(id);
   dispatcher_.AddWorker(id, threads);

@@ -12,8 +12,9 @@
 
 namespace quarry {
 
-/// Frames of exposures are numbered from here.
-inline constexpr FrameId kFirstMeterFrame = uint64_t{3} << 62;
+/// Frames of exposures are numbered from here: above live frames, and below the views that workers number
+/// themselves (Renderer::kFirstOwnView).
+inline constexpr FrameId kFirstMeterFrame = uint64_t{3} << 61;
 
 /// Meters the exposures of jobs: workers trace a lattice of a job's first view, before tiles of frames. No
 /// sockets, no threads. Units: seconds of any clock that does not go back. Not thread-safe.
@@ -34,6 +35,9 @@ class JobMeter {
   void Begin(const std::string& job, const View& view, Done done);
   /// Forgets a job's exposure, if it is being metered.
   void End(const std::string& job);
+
+  /// A job of whose exposure the worker holds a tile; empty: none.
+  std::string HeldBy(uint32_t worker) const;
 
   /// The worker has the scene and takes tiles.
   void AddWorker(uint32_t id, uint32_t threads);

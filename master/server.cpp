@@ -269,12 +269,12 @@ void Server::AssignSoon() {
 }
 
 void Server::AssignTiles() {
+  meter_.Assign(Now());
   if (leaves_) return;
   if (std::exchange(workers_changed_, false)) {
     SendPeers();
     dispatcher_.PlanForWorkers();
   }
-  meter_.Assign(Now());
   auto tiles = dispatcher_.AssignTiles(Now());
   if (tiles.empty()) return;
   const FrameId oldest = dispatcher_.Frames().front()->id();

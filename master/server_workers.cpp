@@ -111,7 +111,7 @@ Status Server::OnWorkerLeaves(WorkerRecord& worker, const Message& m) {
 /// A worker that cannot continue sends the reason, and is dropped.
 Status Server::OnWorkerFailure(const WorkerRecord& worker, const Message& m) {
   QUARRY_ASSIGN(const Failure failure, DecodeFailure(m.table));
-  frames_.OnWorkerFailure(worker, failure.message);
+  frames_.OnWorkerFailure(worker, failure.message, meter_.HeldBy(worker.id));
   if (display_)
     display_->WorkerFailed(fmt::format("Worker {} has given up: {}", worker.name, failure.message));
   Log(fmt::format("worker {} gives up: {}", worker.name, failure.message));

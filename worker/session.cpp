@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <random>
@@ -250,12 +251,10 @@ Status Session::MakeRenderer(LoadedScene& scene) {
 
 Status Session::OnPeers(const Message& m) {
   QUARRY_ASSIGN(Peers peers, DecodePeers(m.table));
-  for (size_t i = 0; i < peers.workers.size(); ++i)
-    if (peers.workers[i] == worker_) {
-      peers.workers.erase(peers.workers.begin() + static_cast<std::ptrdiff_t>(i));
-      peers.endpoints.erase(peers.endpoints.begin() + static_cast<std::ptrdiff_t>(i));
-      break;
-    }
+  if (const auto own = std::ranges::find(peers.workers, worker_); own != peers.workers.end()) {
+    peers.endpoints.erase(peers.endpoints.begin() + (own - peers.workers.begin()));
+    peers.workers.erase(own);
+  }
   scene_->supply->SetPeers(peers);
   return {};
 }
@@ -263,6 +262,7 @@ Status Session::OnPeers(const Message& m) {
 Status Session::OnFrameSetup(const Message& m) {
   QUARRY_ASSIGN(FrameSetup setup, DecodeFrameSetup(m.table));
   QUARRY_ASSIGN(setup.view.parts.selection, scene_->selections.Find(setup.selection));
+  if (setup.frame >= Renderer::kFirstOwnView) return Fail("received a frame whose number is too large");
   scene_->renderer->DropViews(0, setup.oldest);
   scene_->renderer->SetView(setup.frame, setup.view);
   return {};

@@ -32,7 +32,7 @@ std::vector<Light> DefaultLights(const SceneSummary& scene) {
   for (const NamedLight& light : scene.views.lights) lights.push_back(ToLight(light, scene.offset));
   if (!lights.empty()) return lights;
   lights.push_back(DefaultSun(scene.framing.up_axis));
-  if (scene.framing.interior && scene.framing.inside && !scene.shines)
+  if (scene.framing.interior && scene.framing.inside_distance > 0 && !scene.shines)
     lights.push_back(DefaultLamp(scene.framing));
   return lights;
 }

@@ -145,8 +145,10 @@ Result<Material> ReadMaterial(const Json& json, const std::string& path, size_t 
   QUARRY_TRY(ReadColour(json, member("transmission_color"), 1.0f, material.transmission_color));
   QUARRY_TRY(ReadNumber(json, member("transmission_depth"), 0.0f, kLargest, material.transmission_depth));
   QUARRY_TRY(ReadNumber(json, member("geometry_opacity"), 0.0f, 1.0f, material.geometry_opacity));
-  if (!json.contains("diffuse")) DeriveWhitted(material, true);
-  material.is_open_pbr = AgreesWithOpenPbr(material);
+  if (json.contains("diffuse"))
+    material.is_open_pbr = AgreesWithOpenPbr(material);
+  else
+    DeriveWhitted(material, true);
   QUARRY_TRY(ReadFlag(json, member("is_open_pbr"), material.is_open_pbr));
   return material;
 }

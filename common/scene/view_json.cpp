@@ -14,9 +14,9 @@
 namespace quarry {
 namespace {
 
-/// Kinds of lights by their numbers.
 /// The position of a light that the camera carries.
 constexpr const char* kAtEye = "eye";
+/// Kinds of lights by their numbers.
 constexpr std::string_view kLightNames[kLightKinds] = {"sun", "point", "rectangle"};
 
 using nlohmann::ordered_json;

@@ -82,11 +82,11 @@ Result<std::vector<NamedLight>> DecodeLights(std::span<const std::byte> bytes, c
     light.cos_inner = in.Get<float>();
     light.cos_outer = in.Get<float>();
     bool right = kind < kLightKinds;
-    if (light.kind == LightKind::kRectangle) {
-      in.Get<uint32_t>();
-      right = in.Get<uint32_t>() == kSidesEntry;
+    if (kind == static_cast<uint32_t>(LightKind::kRectangle)) {
+      right = in.Get<uint32_t>() == 0;
+      right = in.Get<uint32_t>() == kSidesEntry && right;
       for (glm::vec3& edge : light.edges) edge = in.GetVec3<glm::vec3>();
-      in.GetSpan(32);
+      for (int rest = 0; rest < 8; ++rest) right = in.Get<uint32_t>() == 0 && right;
     }
     if (!right || !in.ok() || !IsSane(light) || i == kMaxLights)
       return Fail(fmt::format("the LITE section's light {} is invalid", i));

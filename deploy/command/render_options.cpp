@@ -163,6 +163,11 @@ Result<CameraSpec> SceneCamera(const RenderArguments& a, const SceneSummary& sce
   return BadUsage(fmt::format("--camera '{}': {} has no such camera, but {}", a.camera, place, names));
 }
 
+/// The direction from which the scene is shown unless --view says another.
+NamedView DirectionFor(const RenderArguments& a, const SceneSummary& scene, std::optional<NamedView> named) {
+  return named.value_or(scene.framing.interior && a.turntable == 0 ? NamedView::kInside : NamedView::kIso);
+}
+
 /// Sets the view's lights: from --lights and --sun; without these options from the scene; a sun where the
 /// scene has no light, in mode path with a sky unless the scene shines.
 Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& view) {
@@ -181,16 +186,11 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
   if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};
   SceneSummary seen = scene;
   QUARRY_ASSIGN(const auto named, NamedViewOf(a));
-  seen.framing.interior |= named == NamedView::kInside;
+  seen.framing.interior = NeedsFraming(a) && DirectionFor(a, scene, named) == NamedView::kInside;
   view.lights = DefaultLights(seen);
   DropDefaultLamp(view);
   if (follows_light && !view.sky.shines()) view.sky = DefaultSky(scene);
   return {};
-}
-
-/// The direction from which the scene is shown unless --view says another.
-NamedView DirectionFor(const RenderArguments& a, const SceneSummary& scene, std::optional<NamedView> named) {
-  return named.value_or(scene.framing.interior && a.turntable == 0 ? NamedView::kInside : NamedView::kIso);
 }
 
 /// The camera that options describe, one turn of the turntable after the other.

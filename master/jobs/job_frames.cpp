@@ -61,11 +61,11 @@ void JobFrames::Finish(ActiveFrame& frame, double now_s) {
   jobs_.Finish(std::move(done.frame), frame.TakePixels(), FrameStatistics(frame, times, workers_));
 }
 
-void JobFrames::OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence) {
-  // Pixels may be there and wait for their exposure, for which workers need other blocks.
-  const std::shared_ptr<Job> waiting = jobs_.AwaitsExposure();
-  failures_ += worker.tiles > 0 || (waiting && under_way_.empty());
-  const std::shared_ptr<Job> job = under_way_.empty() ? waiting : under_way_.begin()->second.frame.job;
+void JobFrames::OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence,
+                                const std::string& metered) {
+  std::shared_ptr<Job> job = jobs_.AwaitsExposure(metered);
+  failures_ += worker.tiles > 0 || job;
+  if (!job && !under_way_.empty()) job = under_way_.begin()->second.frame.job;
   if (!worker.has_scene || !job || (failures_ < kMostFailures && workers_.all().size() > 1)) return;
   jobs_.Fail(job, fmt::format("worker {} cannot get voxels: {}; check its --source, or the master's",
                               worker.name, sentence));

@@ -53,7 +53,9 @@ class JobFrames final : public FrameSource {
   }
   /// A worker with the scene gives up: it cannot get a block. Other workers may; a job fails when none is
   /// left, or when kMostFailures that had finished tiles have given up since a frame last began.
-  void OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence);
+  /// `metered`: the job of whose exposure the worker held a tile, or empty. That job is the cause if its
+  /// pixels wait for nothing else.
+  void OnWorkerFailure(const WorkerRecord& worker, const std::string& sentence, const std::string& metered);
   /// Forgets the frames of a job that is over. Returns the frames that were under way.
   std::vector<FrameId> Forget(const Job& job);
   /// By job id, the sum of the parts done of the frames.

@@ -236,6 +236,13 @@ void Jobs::Metered(const std::shared_ptr<Job>& job, double ev) {
       Encode(std::move(rendered), ev);
     else
       waiting_.push_back(std::move(rendered));
+  EndRest();
+}
+
+std::shared_ptr<Job> Jobs::AwaitsExposure(const std::string& id) const {
+  for (const Rendered& rendered : waiting_)
+    if (rendered.frame.job->id == id) return rendered.frame.job;
+  return nullptr;
 }
 
 /// Repeats `write` until it succeeds, for a full disk may get space, or the job is over.
@@ -252,10 +259,16 @@ void Jobs::WriteToSpool(const Job& job, Write write) const {
 
 void Jobs::Rest(std::function<void()> done) {
   rests_ = true;
+  rested_ = std::move(done);
+  EndRest();
+}
+
+void Jobs::EndRest() {
+  if (!rested_ || !waiting_.empty()) return;
   std::vector<std::string> tried;
   for (const auto& job : jobs_)
     if (job->tried) tried.push_back(job->id);
-  asio::post(*encoder_, [this, tried = std::move(tried), done = std::move(done)] {
+  asio::post(*encoder_, [this, tried = std::move(tried), done = std::exchange(rested_, {})] {
     for (const std::string& id : tried) spool_->TakeBackTry(id);
     asio::post(io_, done);
   });

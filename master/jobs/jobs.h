@@ -70,14 +70,13 @@ class Jobs {
   std::vector<JobFrame> Upcoming(size_t most) const;
   /// Takes a frame's pixels, to be encoded and delivered.
   void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
-  /// A job that has pixels which wait for its exposure; null: none.
-  std::shared_ptr<Job> AwaitsExposure() const {
-    return waiting_.empty() ? nullptr : waiting_.front().frame.job;
-  }
+  /// The job of this id, if it has pixels that wait for its exposure; else null.
+  std::shared_ptr<Job> AwaitsExposure(const std::string& id) const;
   /// Ends a job that cannot be done, and informs its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
 
-  /// Begins no frame more, sends none, and calls `done` when the frames that are rendered are in the spool:
+  /// Begins no frame more, sends none, and calls `done` when the frames that are rendered are in the spool,
+  /// once their exposures are known:
   /// the end of this master is then not counted against its jobs (Spool::kMostTries). Requires: there is a
   /// spool.
   void Rest(std::function<void()> done);
@@ -95,6 +94,7 @@ class Jobs {
   };
 
   void Encode(Rendered rendered, double ev);
+  void EndRest();
   void Remove(std::shared_ptr<Job> job);
   Status Complete(RenderJob& job) const;
   bool HasRoom(const Job& job);
@@ -117,6 +117,7 @@ class Jobs {
   const Callbacks callbacks_;
   std::deque<std::shared_ptr<Job>> jobs_;
   bool rests_ = false;                     ///< Rest() was called
+  std::function<void()> rested_;           ///< its `done`, until it is on its way
   int encoding_ = 0;                       ///< frames on their way from the last tile to Job::finished
   std::vector<Rendered> waiting_;          ///< of these: they wait for their jobs' exposures
   std::weak_ptr<const uint64_t> suspect_;  ///< the frame of a suspect job that is under way

@@ -128,6 +128,14 @@ uint32_t LiveDispatcher::SamplesAtOnce(uint32_t viewer, uint64_t pixels) const {
   return static_cast<uint32_t>(std::clamp(std::min(of_tile, of_picture), 1.0, 65536.0));
 }
 
+bool LiveDispatcher::Holds(uint32_t worker, FrameId id) const {
+  const auto it = frames_.find(id);
+  bool holds = false;
+  if (it != frames_.end())
+    it->second.leases.ForEach([&](uint32_t, const TileLease& lease) { holds |= lease.worker == worker; });
+  return holds;
+}
+
 bool LiveDispatcher::Wants(FrameId id, LiveUrgency urgency) const {
   const auto it = frames_.find(id);
   return it != frames_.end() && it->second.unfinished[static_cast<size_t>(urgency)] > 0;

@@ -70,6 +70,8 @@ class LiveDispatcher {
   /// The samples that a range of so many pixels should have at most, so that none of its tiles keeps others
   /// waiting for long, and the picture is shown again soon.
   uint32_t SamplesAtOnce(uint32_t viewer, uint64_t pixels) const;
+  /// Whether the worker has been given a tile of the frame that is not finished.
+  bool Holds(uint32_t worker, FrameId frame) const;
   /// Whether tiles of this urgency are wanted that have not been finished.
   bool Wants(FrameId frame, LiveUrgency urgency) const;
 

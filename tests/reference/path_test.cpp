@@ -399,7 +399,11 @@ TEST_CASE("An exposure leaves out lamps in mirrors and rectangles before walls, 
   quads.Add({-4, -4, 0}, {8, 0, 0}, {0, 8, 0}, 0);
   quads.Add({-2, 1, 0}, {4, 0, 0}, {0, 0, 3}, 1);   // a mirror
   quads.Add({-1, -1, 3}, {0, 2, 0}, {2, 0, 0}, 2);  // a lamp
-  std::vector<Material> materials(3);
+  quads.Add({-0.8f, -0.3f, 2}, {0.6f, 0, 0}, {0, 0.6f, 0}, 3);
+  std::vector<Material> materials(4);
+  materials[3] = White(0, 0, 1);
+  materials[3].transmission_weight = 1;
+  materials[3].transmittance = glm::vec3(0.8f);
   materials[0].diffuse = materials[0].base_color = glm::vec3(0.5f);
   materials[1] = White(0, 1, 1);
   materials[2].diffuse = materials[2].base_color = glm::vec3(0);
@@ -416,6 +420,15 @@ TEST_CASE("An exposure leaves out lamps in mirrors and rectangles before walls, 
   CHECK(brightest(view) > 40);
   view.meters = true;
   CHECK(brightest(view) < 20);
+  // The lamp behind a pane, and straight: a point whose surface shines is left out later.
+  const auto toward_lamp = [&](double pane) {
+    View up = LookingAt({pane, 0, 1}, {pane, 0, 3}, 16, 16);
+    up.camera.fov_degrees = 5;
+    up.meters = true;
+    return brightest(up);
+  };
+  CHECK(toward_lamp(0.5) == Approx(50));
+  CHECK(toward_lamp(-0.5) < 20);
   // The floor, which the lamp lights.
   View floor = LookingAt({0, -0.5, 1}, {0, 0, 0}, 16, 16);
   const double lit = MeanOf(Picture(scene, floor));

@@ -165,7 +165,7 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
     if (path.density[lane] == 0) AddTo(path, i, weight * m.emission * surface.color);
     return Outcome::kEnds;
   }
-  if (m.emission != glm::vec3(0) && !(s.depth[lane] > 0 && LeavesOut(path, lane))) {
+  if (m.emission != glm::vec3(0) && !(s.path_code[lane] != kPrimaryPath && LeavesOut(path, lane))) {
     const float asked = is_cap ? 0.0f : lights_.EmitterDensity(work.rays.triangle[lane], hit_t, cosine);
     AddTo(path, i, weight * m.emission * lights_.MetShare(path.density[lane], asked));
   }

@@ -108,6 +108,21 @@ TEST_CASE("Several jobs are metered at once; one that ends is forgotten; a wrong
   CHECK(metering.ev["a"] == metering.ev["c"]);
 }
 
+TEST_CASE("Frames of exposures are no live frames, and none that workers number themselves", "[exposure]") {
+  constexpr FrameId kFrames = uint64_t{1} << 57;  // that a master may number from its start
+  STATIC_REQUIRE(kFirstLiveFrame + kFrames < kFirstMeterFrame);
+  STATIC_REQUIRE(kFirstMeterFrame + kFrames < Renderer::kFirstOwnView);
+  const test::Row row;
+  Metering metering(*row.scene);
+  metering.meter.AddWorker(1, 1);
+  metering.Begin("job", Lit(RenderMode::kAo));
+  CHECK(metering.meter.HeldBy(1) == "job");
+  CHECK(metering.meter.HeldBy(2).empty());
+  metering.RunAll();
+  CHECK(metering.meter.HeldBy(1).empty());
+  CHECK(metering.workers.ended > 0);
+}
+
 TEST_CASE("An exposure of mode path takes 16 samples and leaves lamps out", "[exposure]") {
   const View path = MeteredView(Lit(RenderMode::kPath)), ao = MeteredView(Lit(RenderMode::kAo));
   CHECK(path.spp == 16);
