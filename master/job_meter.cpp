@@ -32,9 +32,20 @@ std::string JobMeter::HeldBy(uint32_t worker) const {
   return {};
 }
 
-void JobMeter::AddWorker(uint32_t id, uint32_t threads) {
+void JobMeter::RemoveWorker(uint32_t id) {
+  workers_.erase(id);
   dispatcher_.RemoveWorker(id);
-  dispatcher_.AddWorker(id, threads);
+}
+
+void JobMeter::Assign(const std::map<uint32_t, uint32_t>& workers, double now_s) {
+  std::erase_if(workers_, [&](uint32_t id) {
+    if (workers.contains(id)) return false;
+    dispatcher_.DismissWorker(id);
+    return true;
+  });
+  for (const auto& [id, threads] : workers)
+    if (workers_.insert(id).second) dispatcher_.AddWorker(id, threads);
+  dispatcher_.Assign(now_s);
 }
 
 Status JobMeter::Take(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels) {

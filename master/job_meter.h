@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,12 +40,11 @@ class JobMeter {
   /// A job of whose exposure the worker holds a tile; empty: none.
   std::string HeldBy(uint32_t worker) const;
 
-  /// The worker has the scene and takes tiles.
-  void AddWorker(uint32_t id, uint32_t threads);
-  /// The worker takes no more tiles.
-  void RemoveWorker(uint32_t id) { dispatcher_.RemoveWorker(id); }
-  /// Sends tiles to workers. Called after each change, and several times a second.
-  void Assign(double now_s) { dispatcher_.Assign(now_s); }
+  /// The worker is lost, or leaves. A worker that is not here is ignored.
+  void RemoveWorker(uint32_t id);
+  /// Sends tiles to the workers, threads by id, that may have some now; others' tiles go to them. Called
+  /// after each change, and several times a second.
+  void Assign(const std::map<uint32_t, uint32_t>& workers, double now_s);
   /// A result of a frame that this owns. Errors: it does not fit its tile.
   Status Take(uint32_t worker, const TileDone& done, std::span<const std::byte> pixels);
 
@@ -58,6 +58,7 @@ class JobMeter {
 
   const std::span<const Material> materials_;
   LiveDispatcher dispatcher_;
+  std::set<uint32_t> workers_;  ///< at the dispatcher
   std::map<FrameId, Metering> under_way_;
 };
 

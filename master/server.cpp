@@ -186,7 +186,6 @@ Status Server::OnHello(const ConnectionPtr& c, const Message& m) {
     blocks_.Send(c, packed_catalog_.size(), [this, &connection = *c] {
       if (WorkerRecord* worker = registry_.Find(&connection)) {
         worker->ready = true;
-        meter_.AddWorker(worker->id, worker->threads);
         if (display_) display_->WorkerReady(*worker);
       }
       WorkersChanged();
@@ -269,7 +268,7 @@ void Server::AssignSoon() {
 }
 
 void Server::AssignTiles() {
-  meter_.Assign(Now());
+  meter_.Assign(registry_.Proven(), Now());
   if (leaves_) return;
   if (std::exchange(workers_changed_, false)) {
     SendPeers();

@@ -73,6 +73,16 @@ void WorkerRegistry::Update(WorkerRecord& worker, const WorkerStatus& status) {
   worker.counters.dropped.clear();
 }
 
+std::map<uint32_t, uint32_t> WorkerRegistry::Proven() const {
+  std::map<uint32_t, uint32_t> ready, proven;
+  for (const auto& [id, worker] : workers_) {
+    if (!worker.ready) continue;
+    ready.emplace(id, worker.threads);
+    if (worker.proven()) proven.emplace(id, worker.threads);
+  }
+  return proven.empty() ? ready : proven;
+}
+
 Peers WorkerRegistry::MakePeers() const {
   Peers peers;
   for (const auto& [id, worker] : workers_) {

@@ -49,6 +49,9 @@ class WorkerRegistry {
 
   /// Takes up a worker's counters and changes of its cache.
   static void Update(WorkerRecord& worker, const WorkerStatus& status);
+  /// The workers, threads by id, that have the scene and have finished tiles of frames of late; without any,
+  /// all that have the scene. The others may never answer.
+  std::map<uint32_t, uint32_t> Proven() const;
   /// The workers that serve others, and their addresses.
   Peers MakePeers() const;
   /// Seconds that a worker takes to fetch and decode a stored byte of voxels, the mean over all workers;

@@ -241,13 +241,25 @@ void LiveDispatcher::GiveInTurns(LiveUrgency urgency, GiveOne give) {
   }
 }
 
+void LiveDispatcher::AnnounceEnds(uint32_t id, Worker& worker) {
+  for (auto ended = std::exchange(worker.ended, {}); !ended.empty();) {
+    const size_t some = std::min(ended.size(), kMaxFramesEnded);
+    sink_.End(id, {ended.end() - static_cast<std::ptrdiff_t>(some), ended.end()});
+    ended.resize(ended.size() - some);
+  }
+}
+
+void LiveDispatcher::DismissWorker(uint32_t id) {
+  const auto it = workers_.find(id);
+  if (it == workers_.end()) return;
+  Worker& worker = it->second;
+  worker.ended.insert(worker.ended.end(), worker.announced.begin(), worker.announced.end());
+  AnnounceEnds(id, worker);
+  RemoveWorker(id);
+}
+
 void LiveDispatcher::Assign(double now_s) {
-  for (auto& [id, worker] : workers_)
-    for (auto ended = std::exchange(worker.ended, {}); !ended.empty();) {
-      const size_t some = std::min(ended.size(), kMaxFramesEnded);
-      sink_.End(id, {ended.end() - static_cast<std::ptrdiff_t>(some), ended.end()});
-      ended.resize(ended.size() - some);
-    }
+  for (auto& [id, worker] : workers_) AnnounceEnds(id, worker);
   for (const auto urgency : {LiveUrgency::kAnswer, LiveUrgency::kMotion, LiveUrgency::kRest}) {
     GiveInTurns(urgency, [&](uint32_t id) { return GiveOwn(id, urgency, now_s); });
     GiveInTurns(urgency, [&](uint32_t id) { return GiveAny(id, urgency, now_s); });

@@ -54,6 +54,8 @@ class LiveDispatcher {
   void AddWorker(uint32_t id, uint32_t threads);
   /// Its tiles go to other workers. A worker that is not here is ignored.
   void RemoveWorker(uint32_t id);
+  /// Removes a worker that is still connected: the ends of its frames are announced first.
+  void DismissWorker(uint32_t id);
   bool has_workers() const { return !workers_.empty(); }
   /// Compute threads of all workers.
   uint32_t threads() const;
@@ -119,6 +121,7 @@ class LiveDispatcher {
   template <class GiveOne>
   void GiveInTurns(LiveUrgency urgency, GiveOne give);
   void SkipUnusedTime(Viewer& viewer) const;
+  void AnnounceEnds(uint32_t id, Worker& worker);
 
   Sink& sink_;
   FrameId next_frame_;

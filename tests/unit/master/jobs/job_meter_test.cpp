@@ -23,7 +23,7 @@ struct Metering {
       REQUIRE_FALSE(ev.contains(job));
       ev[job] = metered;
     });
-    meter.Assign(now_s);
+    meter.Assign(ready, now_s);
   }
   /// The worker of the oldest order answers it.
   Status RunOne(bool cut_short = false) {
@@ -34,7 +34,7 @@ struct Metering {
     const TileDone done = workers.Render(next, pixels);
     if (cut_short) pixels.pop_back();
     const Status taken = meter.Take(next.worker, done, pixels);
-    meter.Assign(now_s);
+    meter.Assign(ready, now_s);
     return taken;
   }
   void RunAll() {
@@ -44,6 +44,7 @@ struct Metering {
   test::LiveCluster workers;
   JobMeter meter;
   std::map<std::string, double> ev;
+  std::map<uint32_t, uint32_t> ready;  ///< workers, threads by id
   double now_s = 10;
 };
 
@@ -63,9 +64,9 @@ TEST_CASE("Workers meter what one renderer meters, in every mode", "[exposure]")
     const View view = Lit(mode);
     metering.Begin("job", view);  // before there are workers
     CHECK(metering.workers.orders.empty());
-    metering.meter.AddWorker(1, 1);
-    metering.meter.AddWorker(2, 2);
-    metering.meter.Assign(metering.now_s);
+    metering.ready[1] = 1;
+    metering.ready[2] = 2;
+    metering.meter.Assign(metering.ready, metering.now_s);
     CHECK(metering.workers.orders.size() > 1);
     metering.RunAll();
     REQUIRE(metering.ev.contains("job"));
@@ -76,33 +77,48 @@ TEST_CASE("Workers meter what one renderer meters, in every mode", "[exposure]")
 TEST_CASE("Tiles of a worker that is lost are metered by another", "[exposure]") {
   const test::Row row;
   Metering metering(*row.scene);
-  metering.meter.AddWorker(1, 1);
-  metering.meter.AddWorker(2, 1);
+  metering.ready[1] = 1;
+  metering.ready[2] = 1;
   const View view = Lit(RenderMode::kAo);
   metering.Begin("job", view);
   REQUIRE(metering.RunOne().has_value());
   std::erase_if(metering.workers.orders, [](const auto& order) { return order.worker == 1; });
+  metering.ready.erase(1);
   metering.meter.RemoveWorker(1);
-  metering.meter.Assign(metering.now_s);
+  metering.meter.Assign(metering.ready, metering.now_s);
   metering.RunAll();
   REQUIRE(metering.ev.contains("job"));
   CHECK(metering.ev["job"] == test::Metered(*row.scene, view));
+}
+
+TEST_CASE("Tiles of a worker that may have none any more go to another at once", "[exposure]") {
+  const test::Row row;
+  Metering metering(*row.scene);
+  metering.ready = {{1, 4}, {2, 1}};  // worker 1 never answers
+  metering.Begin("job", Lit(RenderMode::kAo));
+  metering.ready.erase(1);
+  metering.meter.Assign(metering.ready, metering.now_s);
+  CHECK(metering.workers.ended == 1);  // worker 1 is told
+  for (const auto& order : metering.workers.orders) CHECK(order.worker == 2);
+  metering.RunAll();
+  CHECK(metering.ev.contains("job"));
 }
 
 TEST_CASE("Several jobs are metered at once; one that ends is forgotten; a wrong result is refused",
           "[exposure]") {
   const test::Row row;
   Metering metering(*row.scene);
-  metering.meter.AddWorker(1, 1);
+  metering.ready[1] = 1;
   const View view = Lit(RenderMode::kAo);
   for (const char* const job : {"a", "b", "c"}) metering.Begin(job, view);
   CHECK_FALSE(metering.RunOne(true).has_value());
   metering.meter.End("b");
   metering.meter.End("unknown");
+  metering.ready.erase(1);
   metering.meter.RemoveWorker(1);
   metering.workers.orders.clear();
-  metering.meter.AddWorker(3, 1);
-  metering.meter.Assign(metering.now_s);
+  metering.ready[3] = 1;
+  metering.meter.Assign(metering.ready, metering.now_s);
   metering.RunAll();
   CHECK(metering.ev.size() == 2);
   CHECK(metering.ev["a"] == metering.ev["c"]);
@@ -114,7 +130,7 @@ TEST_CASE("Frames of exposures are no live frames, and none that workers number 
   STATIC_REQUIRE(kFirstMeterFrame + kFrames < Renderer::kFirstOwnView);
   const test::Row row;
   Metering metering(*row.scene);
-  metering.meter.AddWorker(1, 1);
+  metering.ready[1] = 1;
   metering.Begin("job", Lit(RenderMode::kAo));
   CHECK(metering.meter.HeldBy(1) == "job");
   CHECK(metering.meter.HeldBy(2).empty());

@@ -85,7 +85,7 @@ struct Office {
   }
   /// Renders a frame; does not wait for its image.
   void Render(JobFrame frame) {
-    std::vector<uint32_t> pixels(size_t{frame.view.width} * frame.view.height * 3);
+    std::vector<uint32_t> pixels(kColorWords * size_t{frame.view.width} * frame.view.height);
     jobs.Finish(std::move(frame), std::move(pixels), R"({"by": "test"})");
   }
   /// Runs posted work until `condition` holds.
