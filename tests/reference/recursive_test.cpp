@@ -78,8 +78,8 @@ std::vector<glm::dvec3> Rendered(Renderer& renderer, const View& view) {
   return picture;
 }
 
-/// Compares pictures of a store. `side`: the root of the samples of a pixel and seed, of the independent
-/// tracer; view.spp are those of Quarry.
+/// Compares pictures of a store. Quarry takes view.spp samples a pixel and seed, the independent tracer the
+/// square of `side`.
 void Compare(const std::string& name, const std::string& store, View view, int side) {
   INFO(name);
   const auto scene = Scene::Open(store);

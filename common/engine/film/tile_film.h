@@ -15,7 +15,7 @@
 
 namespace quarry {
 
-/// What may be wrong in a tile's light.
+/// Faults in a tile's light.
 struct FilmFaults {
   uint64_t saturated = 0, not_numbers = 0;  ///< terms of sums: clamped at FixedRadiance::kMost; NaN
   uint64_t long_light_rays = 0;             ///< light rays of mode path that passed kMostCounted surfaces

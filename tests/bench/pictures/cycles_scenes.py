@@ -195,7 +195,7 @@ def balls(*kinds):
 
 
 def smooth():
-    """Spheres with normals of vertices; the room's are those of its faces."""
+    """Spheres with normals of vertices, in a room with normals of faces."""
     mesh = Mesh()
     floor = mesh.material("diffuse", color=WHITE)
     mesh.add([(-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)], [(0, 1, 2), (0, 2, 3)], floor, numpy.tile([0, 1, 0], (4, 1)))

@@ -111,7 +111,7 @@ TEST_CASE("A cache of one block and any number of threads render the same pictur
   }
 }
 
-TEST_CASE("The first samples of a picture are those of a picture with fewer", "[renderer][path]") {
+TEST_CASE("A picture of few samples has the first samples of a picture of many", "[renderer][path]") {
   const Row row;
   const auto renderer = MakeRenderer(row);
   for (const RenderMode mode : {RenderMode::kPath, RenderMode::kAo}) {

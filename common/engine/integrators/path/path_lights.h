@@ -52,9 +52,9 @@ class PathLights {
   float EmitterDensity(uint32_t triangle, float distance, float cosine) const;
 
   /// The light of rectangles that a ray crosses between `begin` and `end` (units: t of a unit direction), and
-  /// that of suns' discs and of the sky behind all. The eye sees discs; the
-  /// sky is light, not a background. `density`: with which the ray was chosen; each light is weighed
-  /// against its own choice by the power heuristic. 0: it could not be chosen by lights.
+  /// that of suns' discs and of the sky behind all. The eye sees discs; the sky is light, not a background.
+  /// `density`: with which the ray was chosen; each light is weighed against its own choice by the power
+  /// heuristic. 0: it could not be chosen by lights.
   glm::vec3 OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,
                      float density) const;
   glm::vec3 Discs(const glm::vec3& direction, float density) const;
