@@ -171,11 +171,15 @@ class Streams(Case):
         ignored = {}
         while len(ignored) < 2 and time.monotonic() < give_up:
             for task in pathlib.Path(f"/proc/{render.pid}/task").iterdir():
-                for child in (task / "children").read_text().split():
+                try:
+                    children = (task / "children").read_text().split()
+                except (FileNotFoundError, ProcessLookupError):
+                    continue  # the thread has ended
+                for child in children:
                     try:
                         status = pathlib.Path(f"/proc/{child}/status").read_text()
-                    except FileNotFoundError:
-                        continue
+                    except (FileNotFoundError, ProcessLookupError):
+                        continue  # the process has ended
                     ignored[child] = int(next(line for line in status.splitlines() if line.startswith("SigIgn")).split()[1], 16)
             time.sleep(0.02)
         self.assertEqual(set(ignored.values()), {0})
