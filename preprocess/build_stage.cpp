@@ -11,13 +11,17 @@
 
 #include "common/base/resource.h"
 #include "common/kdtree/trace/triangle_test.h"
+#include "preprocess/partition/region_pipeline.h"
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
-#include "preprocess/partition/voxel_pipeline.h"
 #include "preprocess/smooth/smooth_region.h"
 
 namespace quarry {
 namespace {
+
+// Memory of a triangle while its region is cut, beside its record: its vertices alone, references as a stack
+// and one side of them, its voxel's copy and what that is encoded to. Smoothing takes less, before.
+constexpr uint64_t kBytesOfCutting = 250;
 
 SceneMeta MakeMeta(const ImportedScene& scene, const PreprocessOptions& options) {
   SceneMeta meta;
@@ -109,49 +113,49 @@ Status BuildStage::ReadCutOuts() {
   return {};
 }
 
-/// Partitions the regions that the journal does not have, while a pipeline builds their voxels.
+/// Builds the regions that the journal does not have.
 Status BuildStage::BuildVoxels() {
+  const std::vector<uint64_t> counts =
+      files_ ? files_->counts() : std::vector<uint64_t>{scene_.triangles->count()};
+  const size_t first = subtrees_.size();
   // Progress counts triangles read: triangles built include copies.
-  uint64_t all = scene_.triangles->count(), before = 0;
-  const uint64_t triangles = all;
+  const uint64_t all = std::accumulate(counts.begin(), counts.end(), uint64_t{0});
+  uint64_t before =
+      std::accumulate(counts.begin(), counts.begin() + static_cast<ptrdiff_t>(first), uint64_t{0});
   const ShadingOptions shading{scene_.attributes != Attributes::kNone, options_.crease > 0};
-  if (files_) {
-    const std::vector<uint64_t> counts = files_->counts();
-    all = std::accumulate(counts.begin(), counts.end(), uint64_t{0});
-    before = std::accumulate(counts.begin(), counts.begin() + static_cast<ptrdiff_t>(subtrees_.size()),
-                             uint64_t{0});
-  }
-  progress_.Begin(fmt::format("building voxels of {} triangles", triangles), "triangles", before);
+  progress_.Begin(fmt::format("building voxels of {} triangles", scene_.triangles->count()), "triangles",
+                  before);
   const TriangleMasks masks{[&](uint32_t material) { return cut_outs_.IsMapped(material); },
                             [&](const TriangleRecord& t) { return cut_outs_.MaskOf(t); }};
-  VoxelPipeline pipeline(
-      options_.threads,
-      [&](const VoxelTask& task) {
-        EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding, shading,
-                                        options_.voxel_size, cut_outs_.any() ? &masks : nullptr);
-        voxel.chained = task.chained;
-        return voxel;
-      },
-      [&](const EncodedVoxel& voxel) { return writer_->AddVoxel(voxel); });
-  saved_at_ = Clock::now();
-  for (size_t i = subtrees_.size(); i < tree_.regions.size(); ++i) {
-    const uint64_t count = files_ ? files_->file(i).count() : scene_.triangles->count();
+  uint64_t delivered = 0;  // triangles of the region that is delivered now
+  RegionWork work;
+  work.cut = [&](size_t region, const std::function<Status(VoxelTask)>& emit) {
     PartitionOptions inner = partition_;
-    inner.spill_prefix += fmt::format("{}-", i);
-    uint64_t emitted = 0, dropped = 0;
-    const auto emit = [&](VoxelTask task) {
-      emitted += task.triangles.size();
-      progress_.Update(before + std::min(emitted, count), all);
-      return pipeline.Add(std::move(task));
-    };
-    QUARRY_ASSIGN(TopSubtree subtree, PartitionRegion(i, inner, emit, dropped));
-    emitted_ += emitted;
-    dropped_.push_back(dropped);
-    before += count;
+    inner.spill_prefix += fmt::format("{}-", region);
+    return PartitionRegion(region, inner, emit, dropped_[region]);
+  };
+  work.build = [&](const VoxelTask& task) {
+    EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding, shading, options_.voxel_size,
+                                    cut_outs_.any() ? &masks : nullptr);
+    voxel.chained = task.chained;
+    return voxel;
+  };
+  work.deliver = [&](const EncodedVoxel& voxel) {
+    delivered += voxel.triangles;
+    progress_.Update(before + std::min(delivered, counts[subtrees_.size()]), all);
+    return writer_->AddVoxel(voxel);
+  };
+  work.finish = [&](size_t region, TopSubtree subtree) {
+    emitted_ += std::exchange(delivered, 0);
+    before += counts[region];
     subtrees_.push_back(std::move(subtree));
-    if (files_) QUARRY_TRY(SaveBuilt());
-  }
-  QUARRY_TRY(pipeline.Finish());
+    return files_ ? SaveBuilt() : Status{};
+  };
+  dropped_.resize(counts.size());
+  saved_at_ = Clock::now();
+  const uint64_t of_triangle = RecordBytes(scene_.attributes) + kBytesOfCutting;
+  QUARRY_TRY(BuildRegions(work, counts, first,
+                          {.threads = options_.threads, .triangles = options_.memory / 4 * 3 / of_triangle}));
   progress_.End();
   if (cut_outs_.failed()) return Fail(fmt::format("{}: cannot be read", work_.spill_folder() + "/cut-outs"));
   if (writer_->voxel_count() > 0) return {};
