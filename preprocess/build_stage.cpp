@@ -135,8 +135,8 @@ Status BuildStage::BuildVoxels() {
     return PartitionRegion(region, inner, emit, dropped_[region]);
   };
   work.build = [&](const VoxelTask& task) {
-    EncodedVoxel voxel = BuildVoxel(task.triangles, task.cell, meta_.padding, shading, options_.voxel_size,
-                                    cut_outs_.any() ? &masks : nullptr);
+    EncodedVoxel voxel =
+        BuildVoxel(task, meta_.padding, shading, options_.voxel_size, cut_outs_.any() ? &masks : nullptr);
     voxel.chained = task.chained;
     return voxel;
   };

@@ -106,6 +106,8 @@ Bytes EncodeHot(const HotVoxel& v) {
   header.PutVec3(v.cell.lower);
   header.PutVec3(v.cell.upper);
   Bytes out = header.Take();
+  out.reserve(out.size() + v.nodes.size() * 4 + v.vertices.size() * 12 + v.triangle_ids.size() * 20 +
+              v.references.size() * 2);
   PutTree(LayOutTreelets(v.nodes, kTreeletLevels, v.cell), out);
   PutVertices(v.vertices, out);
   PutFromNewest(v.corners, out);

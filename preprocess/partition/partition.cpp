@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/kdtree/build/reference_stacks.h"
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/partition/voxel_chain.h"
@@ -27,9 +28,9 @@ class Partitioner {
       triangles.push_back({{r.vertices[0], r.vertices[1], r.vertices[2]}});
     KdSplitter splitter(triangles, options_.padding, region.cell, kPartitionCosts);
     splitter_ = &splitter;
-    references_ = splitter.ReferencesIn(region.cell);
-    max_growth_ = MaxGrowthInRegion(references_.size(), max_triangles_);
-    return Split(0, 0, {region.cell, region.depth, 1});
+    const ReferenceRange root = stacks_.Start(splitter.ReferencesIn(region.cell));
+    max_growth_ = MaxGrowthInRegion(stacks_.Of(root).size(), max_triangles_);
+    return Split(0, root, {region.cell, region.depth, 1});
   }
 
   /// Makes one voxel chain of a region too large for memory, from as many triangles at a time as fit, in file
@@ -40,14 +41,14 @@ class Partitioner {
     for (uint64_t first = 0; first < file.count();) {
       const uint64_t last = std::min(first + kMostInMemory, file.count());
       QUARRY_ASSIGN(const std::vector<TriangleRecord> records, LoadRecords(file, first, last));
-      references_.clear();
+      std::vector<KdReference> references;
       for (uint32_t i = 0; i < records.size(); ++i) {
         const Box box =
             PartIn(records[i], cell, options_.padding).value_or(records[i].PaddedBox(options_.padding));
-        references_.push_back(
+        references.push_back(
             {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
       }
-      QUARRY_TRY(EmitChain(records, references_, cell, last < file.count()));
+      QUARRY_TRY(EmitChain(records, references, cell, last < file.count()));
       first = last;
     }
     return {};
@@ -56,9 +57,9 @@ class Partitioner {
   TopSubtree tree;
 
  private:
-  /// Splits a node. Its references are the last ones, from `begin` on; they are removed.
-  Status Split(uint32_t node, size_t begin, const Region& region) {
-    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+  /// Splits a node, and removes its references.
+  Status Split(uint32_t node, ReferenceRange range, const Region& region) {
+    const std::span<const KdReference> references = stacks_.Of(range);
     const size_t count = references.size();
     if (count == 0) {
       tree.nodes[node] = KdNode::Leaf(0, 0);
@@ -66,25 +67,26 @@ class Partitioner {
     }
     const SplitPlane plane =
         count <= max_triangles_ ? SplitPlane{} : ChoosePlane(*splitter_, references, region.cell);
-    if (EndsInChain(plane, region.depth, region.growth, max_growth_)) return Chain(node, begin, region.cell);
+    if (EndsInChain(plane, region.depth, region.growth, max_growth_)) return Chain(node, range, region.cell);
 
     const auto first = static_cast<uint32_t>(tree.nodes.size());
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
     tree.nodes.resize(first + 2);
     const SplitCells child(region.cell, plane);
-    const size_t middle = splitter_->Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const auto [left, right] =
+        splitter_->Divide(stacks_, range, region.cell, {0, plane.position, plane.axis});
     const double growth = region.growth * plane.growth;
-    QUARRY_TRY(Split(first, middle, {child.cell[0], region.depth + 1, growth}));
-    return Split(first + 1, begin, {child.cell[1], region.depth + 1, growth});
+    QUARRY_TRY(Split(first, left, {child.cell[0], region.depth + 1, growth}));
+    return Split(first + 1, right, {child.cell[1], region.depth + 1, growth});
   }
 
   /// Makes a leaf: one voxel, or a chain if no plane splits it well.
-  Status Chain(uint32_t node, size_t begin, Box cell) {
-    const std::span<KdReference> references = std::span(references_).subspan(begin);
+  Status Chain(uint32_t node, ReferenceRange range, Box cell) {
+    const std::span<KdReference> references = stacks_.Of(range);
     tree.nodes[CutOffEmptySpace(tree.nodes, node, cell, ContentOf(references, cell))] =
         KdNode::Leaf(tree.voxels, 1);
     QUARRY_TRY(EmitChain(*records_, references, cell, false));
-    references_.resize(begin);
+    stacks_.Drop(range);
     return {};
   }
 
@@ -97,7 +99,12 @@ class Partitioner {
       task.cell = cell;
       task.chained = more || end < leaf.size();
       task.triangles.reserve(end - first);
-      for (; first < end; ++first) task.triangles.push_back(records[leaf[first].triangle]);
+      task.references.reserve(end - first);
+      for (; first < end; ++first) {
+        task.references.push_back(leaf[first]);
+        task.references.back().triangle = static_cast<uint32_t>(task.triangles.size());
+        task.triangles.push_back(records[leaf[first].triangle]);
+      }
       QUARRY_TRY(Emit(std::move(task)));
     }
     return {};
@@ -114,7 +121,7 @@ class Partitioner {
   double max_growth_ = 1;
   const std::vector<TriangleRecord>* records_ = nullptr;
   KdSplitter* splitter_ = nullptr;
-  std::vector<KdReference> references_;  ///< of the nodes still to split, as a stack
+  ReferenceStacks stacks_;
 };
 
 }  // namespace

@@ -14,6 +14,7 @@ namespace quarry {
 /// The triangles and the cell of a voxel.
 struct VoxelTask {
   std::vector<TriangleRecord> triangles;
+  std::vector<KdReference> references;  ///< each triangle's part in the cell
   Box cell;
   bool chained = false;  ///< the next task belongs to the same leaf
 };

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/kdtree/build/clipped_triangle.h"
+#include "common/kdtree/build/reference_stacks.h"
 
 namespace quarry {
 namespace {
@@ -21,16 +22,15 @@ class RegionChooser {
   RegionChooser(const std::vector<KdTriangle>& sample, uint64_t weight, float padding, const Region& whole)
       : splitter_(sample, padding, whole.cell, weight == 1 ? kPartitionCosts : kSampleCosts),
         weight_(weight) {
-    references_ = splitter_.ReferencesIn(whole.cell);
-    Split(0, 0, whole);
+    Split(0, stacks_.Start(splitter_.ReferencesIn(whole.cell)), whole);
   }
 
   RegionTree tree{{KdNode{}}, {}, {}};
 
  private:
-  /// Splits a node. Its references are the last ones, from `begin` on; they are removed.
-  void Split(uint32_t node, size_t begin, const Region& region) {
-    const std::span<const KdReference> references = std::span(references_).subspan(begin);
+  /// Splits a node, and removes its references.
+  void Split(uint32_t node, ReferenceRange range, const Region& region) {
+    const std::span<const KdReference> references = stacks_.Of(range);
     const SplitPlane plane = references.size() * weight_ <= kRegionTriangles
                                  ? SplitPlane{}
                                  : ChoosePlane(splitter_, references, region.cell);
@@ -38,7 +38,7 @@ class RegionChooser {
       tree.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree.regions.size()), 1);
       tree.regions.push_back(region);
       tree.leaves.push_back(node);
-      references_.resize(begin);
+      stacks_.Drop(range);
       return;
     }
     const SplitCells child(region.cell, plane);
@@ -46,17 +46,19 @@ class RegionChooser {
     tree.nodes[node] = KdNode::Inner(plane.axis, plane.position, first);
     tree.nodes.resize(first + 2);
     const size_t count = references.size();
-    const size_t middle = splitter_.Divide(references_, begin, region.cell, {0, plane.position, plane.axis});
+    const auto [left, right] = splitter_.Divide(stacks_, range, region.cell, {0, plane.position, plane.axis});
     const double growth = region.growth * plane.growth;
-    const double left = static_cast<double>(references_.size() - middle) / static_cast<double>(count);
-    const double right = static_cast<double>(middle - begin) / static_cast<double>(count);
-    Split(first, middle, {child.cell[0], region.depth + 1, growth, region.share * left});
-    Split(first + 1, begin, {child.cell[1], region.depth + 1, growth, region.share * right});
+    const auto share = [&](ReferenceRange child_range) {
+      return region.share * static_cast<double>(stacks_.Of(child_range).size()) / static_cast<double>(count);
+    };
+    const double of_right = share(right);
+    Split(first, left, {child.cell[0], region.depth + 1, growth, share(left)});
+    Split(first + 1, right, {child.cell[1], region.depth + 1, growth, of_right});
   }
 
   KdSplitter splitter_;
   const uint64_t weight_;
-  std::vector<KdReference> references_;  ///< of the nodes still to split, as a stack
+  ReferenceStacks stacks_;
 };
 
 }  // namespace
@@ -125,8 +127,9 @@ RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t firs
                                        float padding) {
   Routed routed;
   const size_t size = triangles.element_bytes();
-  routed.records.resize(count * size);
-  routed.status = triangles.Read(first, routed.records);
+  routed.count = count;
+  routed.records = std::make_unique_for_overwrite<std::byte[]>(count * size);
+  routed.status = triangles.Read(first, {routed.records.get(), count * size});
   if (!routed.status) return routed;
   routed.places.reserve(count + count / 4);
   for (uint32_t i = 0; i < count; ++i) {
@@ -153,7 +156,7 @@ Status RegionFiles::Add(const SpillFile& triangles, uint64_t first, uint64_t las
   while (first < last) {
     const Routed routed = next.get();
     QUARRY_TRY(routed.status);
-    first += routed.records.size() / triangles.element_bytes();
+    first += routed.count;
     if (first < last) next = route(first);
     for (const auto& [region, record] : routed.places)
       QUARRY_TRY(files_.Append(region, &routed.records[record * triangles.element_bytes()]));

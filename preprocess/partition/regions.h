@@ -80,7 +80,8 @@ class RegionFiles {
  private:
   /// Consecutive records, and the regions of each.
   struct Routed {
-    std::vector<std::byte> records;
+    std::unique_ptr<std::byte[]> records;
+    uint64_t count = 0;
     std::vector<std::pair<uint32_t, uint32_t>> places;  ///< pairs of region and record
     Status status;
   };

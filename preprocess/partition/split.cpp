@@ -99,14 +99,9 @@ SplitPlane SplitHistogram::Choose(const Box& cell) const {
 SplitPlane ChoosePlane(const KdSplitter& splitter, std::span<const KdReference> references, const Box& cell) {
   const KdSplit best = splitter.Best(cell, references);
   if (best.axis >= 0) {
-    size_t counts[2] = {0, 0};
-    for (const KdReference& r : references) {
-      counts[0] += r.lower[best.axis] <= best.position;
-      counts[1] += r.upper[best.axis] >= best.position;
-    }
-    const double both = static_cast<double>(counts[0] + counts[1]);
+    const double both = static_cast<double>(best.left) + static_cast<double>(best.right);
     const SplitPlane plane{best.axis, best.position, both / static_cast<double>(references.size())};
-    if (PartsUsefully(plane, counts[0], counts[1], references.size(), cell)) return plane;
+    if (PartsUsefully(plane, best.left, best.right, references.size(), cell)) return plane;
   }
   SplitHistogram histogram(ContentOf(references, cell));
   for (const KdReference& r : references) histogram.Add(BoxOf(r));

@@ -5,7 +5,7 @@
 
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_writer.h"
-#include "preprocess/spill/triangle_record.h"
+#include "preprocess/partition/partition.h"
 
 namespace quarry {
 
@@ -25,12 +25,11 @@ struct ShadingOptions {
   bool smoothed = false;    ///< normals have been made: voxels that have any; they may be packed
 };
 
-/// Builds, lays out and compresses a voxel: vertices shared by value, a kd-tree over `cell` in the room that
-/// `voxel_size` leaves, shading attributes in a block of their own. `masks`: null if no material has masks;
-/// a voxel has them if one of its triangles' materials does.
-/// Requires: 1 <= triangles.size() <= MaxTrianglesPerVoxel(voxel_size). Deterministic. Thread-safe.
-EncodedVoxel BuildVoxel(std::span<const TriangleRecord> triangles, const Box& cell, float padding,
-                        const ShadingOptions& options, uint32_t voxel_size,
-                        const TriangleMasks* masks = nullptr);
+/// Builds, lays out and compresses a voxel: vertices shared by value, a kd-tree over its cell in the room
+/// that `voxel_size` leaves, shading attributes in a block of their own. `masks`: null if no material has
+/// masks; a voxel has them if one of its triangles' materials does. Requires: 1 <= task.triangles.size() <=
+/// MaxTrianglesPerVoxel(voxel_size). Deterministic. Thread-safe.
+EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptions& options,
+                        uint32_t voxel_size, const TriangleMasks* masks = nullptr);
 
 }  // namespace quarry

@@ -275,23 +275,33 @@ uint64_t SpillFile::PackedBytes(std::span<const std::byte> elements) {
 }
 
 const std::byte* SpillReader::Next() {
-  const size_t size = file_.element_bytes();
   if (at_ == filled_) {
     if (next_ >= last_ || !status_) return nullptr;
-    buffer_.resize(size);
-    if (!file_.content_->has_table) status_ = file_.Read(next_, buffer_);  // finds the blocks
+    status_ = Fill();
     if (!status_) return nullptr;
-    const uint64_t n = std::min(file_.EndOf(file_.BlockOf(next_)), last_) - next_;
-    buffer_.resize(n * size);
-    status_ = file_.Read(next_, buffer_);
-    if (!status_) return nullptr;
-    next_ += n;
-    at_ = 0;
-    filled_ = buffer_.size();
   }
-  const std::byte* element = buffer_.data() + at_;
-  at_ += size;
+  const std::byte* element = buffer_.get() + at_;
+  at_ += file_.element_bytes();
   return element;
+}
+
+/// Reads the rest of a block.
+Status SpillReader::Fill() {
+  const size_t size = file_.element_bytes();
+  if (!file_.content_->has_table) {
+    std::vector<std::byte> first(size);
+    QUARRY_TRY(file_.Read(next_, first));  // finds the blocks
+  }
+  const uint64_t n = std::min(file_.EndOf(file_.BlockOf(next_)), last_) - next_;
+  if (room_ < n * size) {
+    room_ = n * size;
+    buffer_ = std::make_unique_for_overwrite<std::byte[]>(room_);
+  }
+  QUARRY_TRY(file_.Read(next_, {buffer_.get(), n * size}));
+  next_ += n;
+  at_ = 0;
+  filled_ = n * size;
+  return {};
 }
 
 }  // namespace quarry

@@ -117,9 +117,12 @@ class SpillReader {
   const Status& status() const { return status_; }
 
  private:
+  Status Fill();
+
   const SpillFile& file_;
-  std::vector<std::byte> buffer_;
-  uint64_t next_;  ///< first element not yet in the buffer
+  std::unique_ptr<std::byte[]> buffer_;
+  size_t room_ = 0;  ///< of the buffer, in bytes
+  uint64_t next_;    ///< first element not yet in the buffer
   uint64_t last_;
   size_t at_ = 0, filled_ = 0;
   Status status_;

@@ -9,6 +9,7 @@
 
 #include "common/base/check.h"
 #include "common/kdtree/build/clipped_triangle.h"
+#include "common/kdtree/build/reference_stacks.h"
 #include "common/math/next_float.h"
 
 namespace quarry {
@@ -17,6 +18,10 @@ namespace {
 constexpr int kBins = 32;
 constexpr uint32_t kExactUpTo =
     32;  // references: up to this number each box end is a candidate plane; above it, borders of bins
+
+// References of which the ends are counted at most, about: planes are chosen from every so many of a larger
+// node's, and their counts and the ends of the box are exact (tests/bench/history/preprocess.md).
+constexpr size_t kMostCounted = 1024;
 
 // Least gain of a split, in units of its nodes' worth: splits that gain less are mostly pruned.
 constexpr float kGainAtOnce = 2.0f;
@@ -37,6 +42,7 @@ bool Narrow(const PointBox& box, double growth, KdReference& r) {
 /// Eight planes at a time, as the compiler's own vectors.
 using Float8 = float __attribute__((vector_size(32)));
 using Int8 = int32_t __attribute__((vector_size(32)));
+using UInt8 = uint32_t __attribute__((vector_size(32)));
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int32_t __attribute__((vector_size(16)));
 
@@ -44,6 +50,27 @@ Float8 Load8(const float* values) {
   Float8 vector;
   std::memcpy(&vector, values, sizeof vector);
   return vector;
+}
+/// Removes references to nothing, and keeps the order of the others. Returns their number.
+size_t RemoveEmpty(std::span<KdReference> references) {
+  const auto kept = std::ranges::remove_if(references, [](const KdReference& r) {
+    return !(r.lower[0] <= r.upper[0] && r.lower[1] <= r.upper[1] && r.lower[2] <= r.upper[2]);
+  });
+  return references.size() - kept.size();
+}
+
+/// A reference as one vector.
+Int8 BitsOf(const KdReference& r) {
+  Int8 bits;
+  static_assert(sizeof r == sizeof bits);
+  std::memcpy(&bits, &r, sizeof bits);
+  return bits;
+}
+void PutBits(const Int8& bits, KdReference& r) { std::memcpy(&r, &bits, sizeof r); }
+/// The lower ends of a reference's box in lanes 0 to 2, the upper ends in lanes 4 to 6, zeros in between.
+Float8 EndsOf(const KdReference& r) {
+  const Int8 bits = BitsOf(r) & Int8{-1, -1, -1, 0, -1, -1, -1, 0};
+  return reinterpret_cast<Float8>(bits);
 }
 /// NextAbove and NextBelow of finite numbers.
 Float8 JustAbove(Float8 x) {
@@ -64,12 +91,14 @@ bool Any(Int8 mask) {
 struct Splits8 {
   Float8 cost = Float8{} + kFloatInfinity;
   Float8 position{};
-  Int8 axis = Int8{} - 1;
+  Int8 axis = Int8{} - 1, left{}, right{};
 
   KdSplit Best() const {
     KdSplit best;
     for (int lane = 0; lane < 8; ++lane)
-      if (cost[lane] < best.cost) best = {cost[lane], position[lane], axis[lane]};
+      if (cost[lane] < best.cost)
+        best = {cost[lane], position[lane], axis[lane], static_cast<uint32_t>(left[lane]),
+                static_cast<uint32_t>(right[lane])};
     return best;
   }
 };
@@ -98,7 +127,7 @@ class AxisCost {
     const float both = static_cast<float>(left + right) * per_reference_;
     const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? empty_bonus_ : 1.0f) *
                        (1 + duplicate_ * (both - 1));
-    if (cost < best.cost) best = {cost, position, axis_};
+    if (cost < best.cost) best = {cost, position, axis_, left, right};
   }
   Int8 Inside(Float8 position) const { return (position > lower_) & (position < upper_); }
   /// The same for eight planes; only the planes `inside` count.
@@ -106,11 +135,15 @@ class AxisCost {
     const Float8 areas = (cap_ + (position - lower_) * rim_) * __builtin_convertvector(left, Float8) +
                          (cap_ + (upper_ - position) * rim_) * __builtin_convertvector(right, Float8);
     const Float8 full = 1 + areas * scale_;
-    const Float8 cost = ((left == 0) | (right == 0)) ? full * empty_bonus_ : full;
+    const Float8 both = __builtin_convertvector(left + right, Float8) * per_reference_;
+    const Float8 cost =
+        (((left == 0) | (right == 0)) ? full * empty_bonus_ : full) * (1 + duplicate_ * (both - 1));
     const Int8 less = (cost < best.cost) & inside;
     best.cost = less ? cost : best.cost;
     best.position = less ? position : best.position;
     best.axis = less ? Int8{} + axis_ : best.axis;
+    best.left = less ? left : best.left;
+    best.right = less ? right : best.right;
   }
 
  private:
@@ -153,63 +186,72 @@ KdSplit KdSplitter::Best(const Box& cell, std::span<const KdReference> reference
   return exact ? BestExact(cell, references) : BestBinned(cell, references);
 }
 
-size_t KdSplitter::Divide(std::vector<KdReference>& references, size_t begin, const Box& cell,
-                          const KdSplit& split) {
-  if (left_.size() < references.size() - begin) left_.resize(references.size() - begin);
-  size_t left_end = 0, right_end = begin;
-  for (size_t k = begin; k < references.size(); ++k) {
-    KdReference r = references[k];
-    if (r.upper[split.axis] < split.position) {
-      left_[left_end++] = r;
-    } else if (r.lower[split.axis] > split.position) {
-      references[right_end++] = r;
-    } else {
-      KdReference right = r;
-      ClippedTriangle polygon(triangles_[r.triangle]);
-      polygon.Clip(cell, growth_);
-      PointBox parts[2];
-      polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
-      if (Narrow(parts[0], growth_, r)) left_[left_end++] = r;
-      if (Narrow(parts[1], growth_, right)) references[right_end++] = right;
-    }
+std::pair<ReferenceRange, ReferenceRange> KdSplitter::Divide(ReferenceStacks& stacks, ReferenceRange node,
+                                                             const Box& cell, const KdSplit& split) {
+  const std::span<KdReference> references = stacks.Of(node);
+  const ReferenceRange left = stacks.Beside(node);
+  KdReference* const lefts = stacks.Room(left.stack, references.size());
+  KdReference* const rights = references.data();
+  if (cut_.size() < references.size()) cut_.resize(references.size());
+  size_t left_count = 0, right_count = 0, cut_count = 0;
+  // Each goes to both, and counts where it belongs: a branch would be mispredicted half of the time. Their
+  // order stays, since neighbours in a model compress well.
+  for (const KdReference& r : references) {
+    const bool is_left = r.upper[split.axis] < split.position;
+    const bool is_right = r.lower[split.axis] > split.position;
+    const Int8 copy = BitsOf(r);
+    PutBits(copy, lefts[left_count]);
+    PutBits(copy, rights[right_count]);
+    cut_[cut_count] = {static_cast<uint32_t>(left_count), static_cast<uint32_t>(right_count)};
+    left_count += !is_right;
+    right_count += !is_left;
+    cut_count += !is_left && !is_right;
   }
-  references.resize(right_end);
-  references.insert(references.end(), left_.begin(), left_.begin() + static_cast<ptrdiff_t>(left_end));
-  return right_end;
+  bool all_left = true, all_right = true;
+  for (const auto& [in_left, in_right] : std::span(cut_).first(cut_count)) {
+    ClippedTriangle polygon(triangles_[lefts[in_left].triangle]);
+    polygon.Clip(cell, growth_);
+    PointBox parts[2];
+    polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
+    all_left &= Narrow(parts[0], growth_, lefts[in_left]);
+    all_right &= Narrow(parts[1], growth_, rights[in_right]);
+  }
+  stacks.SetCount(left, all_left ? left_count : RemoveEmpty({lefts, left_count}));
+  stacks.SetCount(node, all_right ? right_count : RemoveEmpty({rights, right_count}));
+  return {left, node};
 }
 
-/// All three axes at a time; the fourth lane is not used.
+/// All three axes at a time. Lanes 0 to 2 hold lower ends, lanes 4 to 6 upper ends.
 KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> references) const {
-  const auto count = static_cast<int32_t>(references.size());
-  std::array<std::array<int32_t, 4>, kBins> starts{}, ends{};
-  Float4 base{}, upper_end{}, scale{}, width{}, cap{}, rim{};
+  Float8 first{}, scale{};
+  Float4 base{}, upper_end{}, width{}, cap{}, rim{};
   for (int axis = 0; axis < 3; ++axis) {
     const float extent = cell.extent(axis);
     const float e1 = cell.extent((axis + 1) % 3), e2 = cell.extent((axis + 2) % 3);
-    base[axis] = cell.lower[axis];
+    base[axis] = first[axis] = first[axis + 4] = cell.lower[axis];
+    scale[axis] = scale[axis + 4] = extent > 0 ? kBins / extent : 0.0f;
     upper_end[axis] = cell.upper[axis];
-    scale[axis] = extent > 0 ? kBins / extent : 0.0f;
     width[axis] = extent / kBins;
     cap[axis] = e1 * e2;
     rim[axis] = e1 + e2;
   }
-  const auto count_bin = [&](Float4 x, std::array<std::array<int32_t, 4>, kBins>& bins) {
-    Float4 at = (x - base) * scale;
-    at = at > 0.0f ? at : Float4{};
-    at = at < kBins - 1.0f ? at : Float4{} + (kBins - 1.0f);
-    const Int4 bin = __builtin_convertvector(at, Int4);
-    for (size_t axis = 0; axis < 3; ++axis) ++bins[static_cast<size_t>(bin[axis])][axis];
-  };
-  Float4 lowest = Float4{} + kFloatInfinity, highest = Float4{} - kFloatInfinity;
-  for (const KdReference& r : references) {
-    const Float4 lower{r.lower[0], r.lower[1], r.lower[2], 0}, upper{r.upper[0], r.upper[1], r.upper[2], 0};
-    count_bin(lower, starts);
-    count_bin(upper, ends);
-    lowest = lower < lowest ? lower : lowest;
-    highest = upper > highest ? upper : highest;
+  // Many references are sampled: the best plane lies where many others are nearly as good.
+  const size_t stride = costs_.sampled ? 1 : std::max<size_t>(references.size() / kMostCounted, 1);
+  const auto counted = static_cast<int32_t>((references.size() + stride - 1) / stride);
+  constexpr UInt8 kLanes{0, 1, 2, 3, 4, 5, 6, 7};
+  alignas(32) std::array<int32_t, size_t{8} * kBins> counts{};  // of each bin, eight lanes
+  alignas(32) uint32_t places[8];
+  for (size_t i = 0; i < references.size(); i += stride) {
+    Float8 at = (EndsOf(references[i]) - first) * scale;
+    at = at > 0.0f ? at : Float8{};
+    at = at < kBins - 1.0f ? at : Float8{} + (kBins - 1.0f);
+    const UInt8 place = reinterpret_cast<UInt8>(__builtin_convertvector(at, Int8)) * 8 + kLanes;
+    std::memcpy(places, &place, sizeof places);
+    for (const size_t lane : {0u, 1u, 2u, 4u, 5u, 6u}) ++counts[places[lane]];
   }
   const float cell_area = cap[0] + cell.extent(0) * rim[0];
-  const float per_area = costs_.intersect / std::max(cell_area, 1e-37f);
+  const float per_area = costs_.intersect / std::max(cell_area, 1e-37f) *
+                         (static_cast<float>(references.size()) / static_cast<float>(counted));
   Float4 least = Float4{} + kFloatInfinity, best_position{};
   const auto consider = [&](Float4 position, Int4 left, Int4 right) {
     const Float4 lefts = __builtin_convertvector(left, Float4),
@@ -218,54 +260,85 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
         (cap + (position - base) * rim) * lefts + (cap + (upper_end - position) * rim) * rights;
     Float4 cost = 1 + areas * per_area;
     cost = ((left == 0) | (right == 0)) ? cost * costs_.empty_bonus : cost;
-    cost *= 1 + costs_.duplicate * ((lefts + rights) / static_cast<float>(count) - 1);
+    cost *= 1 + costs_.duplicate * ((lefts + rights) / static_cast<float>(counted) - 1);
     const Int4 less = (cost < least) & (position > base) & (position < upper_end);
     least = less ? cost : least;
     best_position = less ? position : best_position;
   };
   // Planes at the very ends of the references cut off empty space exactly.
   if (!costs_.sampled) {
+    Float8 lowest = Float8{} + kFloatInfinity, highest = Float8{} - kFloatInfinity;
+    for (const KdReference& r : references) {
+      const Float8 x = EndsOf(r);
+      lowest = x < lowest ? x : lowest;
+      highest = x > highest ? x : highest;
+    }
     Float4 below{}, above{};
     for (int axis = 0; axis < 3; ++axis) {
       below[axis] = NextBelow(lowest[axis]);
-      above[axis] = NextAbove(highest[axis]);
+      above[axis] = NextAbove(highest[axis + 4]);
     }
-    consider(below, Int4{}, Int4{} + count);
-    consider(above, Int4{} + count, Int4{});
+    consider(below, Int4{}, Int4{} + counted);
+    consider(above, Int4{} + counted, Int4{});
   }
-  Int4 left{}, right = Int4{} + count;
+  Int4 left{}, right = Int4{} + counted;
   for (size_t b = 0; b + 1 < kBins; ++b) {
-    left += std::bit_cast<Int4>(starts[b]);
-    right -= std::bit_cast<Int4>(ends[b]);
+    Int4 starts_here, ends_here;
+    std::memcpy(&starts_here, &counts[8 * b], sizeof starts_here);
+    std::memcpy(&ends_here, &counts[8 * b + 4], sizeof ends_here);
+    left += starts_here;
+    right -= ends_here;
     consider(base + static_cast<float>(b + 1) * width, left, right);
   }
   KdSplit best;
   for (int axis = 0; axis < 3; ++axis)
     if (least[axis] < best.cost) best = {least[axis], best_position[axis], axis};
-  return best.axis < 0 || costs_.sampled ? best : Shifted(cell, references, best);
+  return best.axis < 0 ? best : Shifted(cell, references, best);
 }
 
-/// The split moved to the nearest box end on either side, if that is cheaper: between box ends the cost is
-/// linear.
+/// The split with its counts, and moved to the nearest box end on either side, if that is cheaper: between
+/// box ends the cost is linear. In a sample it stays.
 KdSplit KdSplitter::Shifted(const Box& cell, std::span<const KdReference> references,
                             const KdSplit& split) const {
+  constexpr size_t kLanes = 8;
+  const int axis = split.axis;
+  // The last eight are filled up with references that lie above every plane.
+  constexpr KdReference kBeyond{{kFloatInfinity, kFloatInfinity, kFloatInfinity},
+                                0,
+                                {kFloatInfinity, kFloatInfinity, kFloatInfinity},
+                                0};
+  const size_t whole = references.size() / kLanes * kLanes;
+  std::array<KdReference, kLanes> last;
+  last.fill(kBeyond);
+  std::copy(references.begin() + static_cast<ptrdiff_t>(whole), references.end(), last.begin());
+  Float8 below8 = Float8{} - kFloatInfinity, above8 = Float8{} + kFloatInfinity;
+  Int8 left8{}, right8{};
+  for (size_t i = 0; i < references.size(); i += kLanes) {
+    const KdReference* const r = i == whole ? last.data() : &references[i];
+    const Float8 lower{r[0].lower[axis], r[1].lower[axis], r[2].lower[axis], r[3].lower[axis],
+                       r[4].lower[axis], r[5].lower[axis], r[6].lower[axis], r[7].lower[axis]};
+    const Float8 upper{r[0].upper[axis], r[1].upper[axis], r[2].upper[axis], r[3].upper[axis],
+                       r[4].upper[axis], r[5].upper[axis], r[6].upper[axis], r[7].upper[axis]};
+    const Int8 begins_below = lower <= split.position, ends_below = upper < split.position;
+    left8 -= begins_below;  // a true comparison is -1
+    right8 -= ~ends_below;
+    const Float8 nearest_below = ends_below ? upper : begins_below ? lower : below8;
+    const Float8 nearest_above = begins_below ? (ends_below ? above8 : upper) : lower;
+    below8 = nearest_below > below8 ? nearest_below : below8;
+    above8 = nearest_above < above8 ? nearest_above : above8;
+  }
   float below = -kFloatInfinity, above = kFloatInfinity;
   uint32_t left = 0, right = 0;
-  for (const KdReference& r : references) {
-    const float lower = r.lower[split.axis], upper = r.upper[split.axis];
-    left += lower <= split.position;
-    right += upper >= split.position;
-    if (lower <= split.position)
-      below = std::max(below, lower);
-    else
-      above = std::min(above, lower);
-    if (upper < split.position)
-      below = std::max(below, upper);
-    else
-      above = std::min(above, upper);
+  for (size_t lane = 0; lane < kLanes; ++lane) {
+    below = std::max(below, below8[lane]);
+    above = std::min(above, above8[lane]);
+    left += static_cast<uint32_t>(left8[lane]);
+    right += static_cast<uint32_t>(right8[lane]);
   }
+  if (whole < references.size()) right -= static_cast<uint32_t>(whole + kLanes - references.size());
+  if (costs_.sampled) return {split.cost, split.position, axis, left, right};
   KdSplit best;
-  const AxisCost cost(cell, split.axis, costs_, references.size());
+  const AxisCost cost(cell, axis, costs_, references.size());
   cost.Consider(split.position, left, right, best);
   if (below > -kFloatInfinity) cost.Consider(NextAbove(below), left, right, best);
   if (above < kFloatInfinity) cost.Consider(NextBelow(above), left, right, best);
@@ -308,47 +381,47 @@ KdSplit KdSplitter::BestExact(const Box& cell, std::span<const KdReference> refe
 
 namespace {
 
-/// One build. An array used as a stack holds the references of the nodes to build; a node's references take
-/// the place of its parent's, so that no node allocates.
+/// One build.
 class Builder {
  public:
   Builder(std::span<const KdTriangle> triangles, float padding, const Box& cell, const SahCosts& costs)
       : splitter_(triangles, padding, cell, costs), costs_(costs) {}
 
-  KdTree Build(const Box& cell, size_t max_bytes) {
-    stack_ = splitter_.ReferencesIn(cell);
-    least_gain_ = ByteWorth(costs_, cell, stack_.size()) * kGainAtOnce * 2 * sizeof(KdNode);
+  KdTree Build(const Box& cell, size_t max_bytes, std::span<const KdReference> references) {
+    const ReferenceRange root = stacks_.Start(references.empty() ? splitter_.ReferencesIn(cell) : references);
+    least_gain_ = ByteWorth(costs_, cell, stacks_.Of(root).size()) * kGainAtOnce * 2 * sizeof(KdNode);
     tree_.nodes.resize(1);
-    BuildNode(0, cell, 0, max_bytes, kMaxKdDepth);
+    BuildNode(0, cell, root, max_bytes, kMaxKdDepth);
     return std::move(tree_);
   }
 
  private:
   size_t BytesUsed() const { return tree_.nodes.size() * sizeof(KdNode) + tree_.references.size() * 2; }
 
-  void MakeLeaf(uint32_t node, size_t begin) {
+  void MakeLeaf(uint32_t node, ReferenceRange range) {
+    const std::span<const KdReference> references = stacks_.Of(range);
     tree_.nodes[node] = KdNode::Leaf(static_cast<uint32_t>(tree_.references.size()),
-                                     static_cast<uint32_t>(stack_.size() - begin));
-    for (size_t k = begin; k < stack_.size(); ++k) tree_.references.push_back(stack_[k].triangle);
-    stack_.resize(begin);
+                                     static_cast<uint32_t>(references.size()));
+    for (const KdReference& r : references) tree_.references.push_back(r.triangle);
+    stacks_.Drop(range);
   }
 
-  /// Builds a node from the references stack_[begin, end), and removes them. `budget`: limit of the subtree's
-  /// bytes without its root.
-  void BuildNode(uint32_t node, const Box& cell, size_t begin, size_t budget, int depth) {
-    const auto count = static_cast<uint32_t>(stack_.size() - begin);
-    if (count <= 1 || depth == 0) return MakeLeaf(node, begin);
-    const std::span<const KdReference> references(stack_.data() + begin, count);
+  /// Builds a node from its references, and removes them. `budget`: limit of the subtree's bytes without its
+  /// root.
+  void BuildNode(uint32_t node, const Box& cell, ReferenceRange range, size_t budget, int depth) {
+    const std::span<const KdReference> references = stacks_.Of(range);
+    const auto count = static_cast<uint32_t>(references.size());
+    if (count <= 1 || depth == 0) return MakeLeaf(node, range);
     const KdSplit split = splitter_.Best(cell, references);
     const float gain = costs_.intersect * static_cast<float>(count) - split.cost;
-    if (split.axis < 0 || !(gain > 0) || gain * cell.half_area() < least_gain_) return MakeLeaf(node, begin);
+    if (split.axis < 0 || !(gain > 0) || gain * cell.half_area() < least_gain_) return MakeLeaf(node, range);
     // Both children must at least fit as leaves.
-    if (budget < 2 * sizeof(KdNode) + 2 * CountBoth(references, split)) return MakeLeaf(node, begin);
+    if (budget < 2 * sizeof(KdNode) + 2 * (size_t{split.left} + split.right)) return MakeLeaf(node, range);
 
     Box left_cell = cell, right_cell = cell;
     left_cell.upper[split.axis] = right_cell.lower[split.axis] = split.position;
-    const size_t middle = splitter_.Divide(stack_, begin, cell, split);
-    const size_t left = stack_.size() - middle, right = middle - begin;
+    const auto [left_range, right_range] = splitter_.Divide(stacks_, range, cell, split);
+    const size_t left = stacks_.Of(left_range).size(), right = stacks_.Of(right_range).size();
     const auto first_child = static_cast<uint32_t>(tree_.nodes.size());
     tree_.nodes[node] = KdNode::Inner(split.axis, split.position, first_child);
     tree_.nodes.resize(first_child + 2);
@@ -357,22 +430,15 @@ class Builder {
     // the left side has not used.
     const size_t spare = budget - 2 * (left + right);
     const size_t before = BytesUsed();
-    BuildNode(first_child, left_cell, middle, 2 * left + spare * left / std::max<size_t>(left + right, 1),
+    BuildNode(first_child, left_cell, left_range, 2 * left + spare * left / std::max<size_t>(left + right, 1),
               depth - 1);
-    BuildNode(first_child + 1, right_cell, begin, budget - (BytesUsed() - before), depth - 1);
-  }
-
-  static size_t CountBoth(std::span<const KdReference> references, const KdSplit& split) {
-    size_t n = references.size();
-    for (const KdReference& r : references)
-      n += r.lower[split.axis] <= split.position && r.upper[split.axis] >= split.position;
-    return n;
+    BuildNode(first_child + 1, right_cell, right_range, budget - (BytesUsed() - before), depth - 1);
   }
 
   KdSplitter splitter_;
   const SahCosts& costs_;
   float least_gain_ = 0;  ///< of SAH cost, times area; a node that would gain less is not split
-  std::vector<KdReference> stack_;
+  ReferenceStacks stacks_;
   KdTree tree_;
 };
 
@@ -384,9 +450,9 @@ float ByteWorth(const SahCosts& costs, const Box& root, size_t triangles) {
 }
 
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
-                   const SahCosts& costs, size_t max_bytes) {
+                   const SahCosts& costs, size_t max_bytes, std::span<const KdReference> references) {
   QUARRY_CHECK_LT(triangles.size(), size_t{0xFFFFFFFF});
-  return Builder(triangles, padding, cell, costs).Build(cell, max_bytes);
+  return Builder(triangles, padding, cell, costs).Build(cell, max_bytes, references);
 }
 
 }  // namespace quarry

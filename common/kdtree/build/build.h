@@ -5,6 +5,7 @@
 #include <glm/vec3.hpp>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/kdtree/node.h"
@@ -68,7 +69,16 @@ static_assert(sizeof(KdReference) == 32, "half a cache line");
 struct KdSplit {
   float cost = std::numeric_limits<float>::infinity();
   float position = 0;
-  int axis = -1;  ///< -1: no plane
+  int axis = -1;                 ///< -1: no plane
+  uint32_t left = 0, right = 0;  ///< references on each side; those that the plane cuts are on both
+};
+
+class ReferenceStacks;
+
+/// The references of a node: one of two stacks from `begin` on; see ReferenceStacks.
+struct ReferenceRange {
+  int stack = 0;
+  size_t begin = 0;
 };
 
 /// Chooses split planes and divides references at them. Not thread-safe.
@@ -83,9 +93,10 @@ class KdSplitter {
   std::vector<KdReference> ReferencesIn(const Box& cell) const;
   /// The cheapest of the planes weighed.
   KdSplit Best(const Box& cell, std::span<const KdReference> references) const;
-  /// Replaces the references from `begin` on by the references of the right child, then of the left child.
-  /// Triangles that span the plane are in both. Returns: the index of the left child's first.
-  size_t Divide(std::vector<KdReference>& references, size_t begin, const Box& cell, const KdSplit& split);
+  /// Divides the references of a node among its children: .first of the left, .second of the right. Triangles
+  /// that span the plane are in both.
+  std::pair<ReferenceRange, ReferenceRange> Divide(ReferenceStacks& stacks, ReferenceRange node,
+                                                   const Box& cell, const KdSplit& split);
 
  private:
   KdSplit BestBinned(const Box& cell, std::span<const KdReference> references) const;
@@ -95,7 +106,8 @@ class KdSplitter {
   std::span<const KdTriangle> triangles_;
   SahCosts costs_;
   double growth_;  ///< the padding and a bound on rounding
-  std::vector<KdReference> left_;
+  /// References of the node that is divided that the plane cuts: places in the left child and in the right.
+  std::vector<std::pair<uint32_t, uint32_t>> cut_;
 };
 
 /// A kd-tree in stored form: nodes[0] is the root, children lie side by side beyond their parent; leaves name
@@ -115,10 +127,10 @@ static_assert(kMaxKdDepth < int{kMostLevels});
 /// Units: scene units. `padding` is a bound, per axis, on the distance from a triangle to a hit that
 /// traversal finds. `max_bytes` limits nodes and references together, of 8 and 2 bytes. Every subtree gets a
 /// share of it; a subtree that would exceed its share becomes a leaf. The least tree is a leaf of all
-/// triangles.
+/// triangles. `references`: of the triangles' parts in the cell, if they are known; they may reach beyond it.
 /// Requires: triangles.size() < 2^32; finite vertices, |coordinate| <= 2^60.
 /// Errors: none. Thread-safe.
 KdTree BuildKdTree(std::span<const KdTriangle> triangles, float padding, const Box& cell,
-                   const SahCosts& costs, size_t max_bytes);
+                   const SahCosts& costs, size_t max_bytes, std::span<const KdReference> references = {});
 
 }  // namespace quarry

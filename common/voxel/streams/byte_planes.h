@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <span>
-#include <vector>
+#include <utility>
 
 #include "common/base/bytes.h"
 #include "common/math/ordered_float.h"
@@ -30,11 +30,22 @@ T UndoZigZag(T value) {
   return static_cast<T>(static_cast<T>(value >> 1) ^ static_cast<T>(-static_cast<T>(value & 1)));
 }
 
-/// Appends the lowest bytes of all `values`, then the next bytes of all, and so on.
+/// Appends the lowest bytes of `count` numbers, then the next bytes of all, and so on. `number(i)` gives
+/// number i and is called in order.
+template <class T, class Number>
+void PutPlanesOf(size_t count, Bytes& out, Number&& number) {
+  const size_t begin = out.size();
+  out.resize(begin + count * sizeof(T));
+  std::byte* const plane = out.data() + begin;
+  for (size_t i = 0; i < count; ++i) {
+    const T value = number(i);
+    for (size_t byte = 0; byte < sizeof(T); ++byte)
+      plane[byte * count + i] = static_cast<std::byte>(value >> (8 * byte));
+  }
+}
 template <class T>
 void PutPlanes(std::span<const T> values, Bytes& out) {
-  for (size_t byte = 0; byte < sizeof(T); ++byte)
-    for (const T value : values) out.push_back(static_cast<std::byte>(value >> (8 * byte)));
+  PutPlanesOf<T>(values.size(), out, [&](size_t i) { return values[i]; });
 }
 
 /// Vectors of four and eight numbers and of 16 bytes, of the compiler's own vector types.
@@ -97,14 +108,10 @@ void ReadPlanes(std::span<const std::byte> bytes, std::span<T> values, size_t fi
 /// Appends the zigzag differences of neighbours; for arrays whose neighbours are near each other.
 template <class T>
 void PutDifferences(std::span<const T> values, Bytes& out) {
-  std::vector<T> differences;
-  differences.reserve(values.size());
   T last = 0;
-  for (const T value : values) {
-    differences.push_back(ZigZag(static_cast<T>(value - last)));
-    last = value;
-  }
-  PutPlanes<T>(differences, out);
+  PutPlanesOf<T>(values.size(), out, [&](size_t i) {
+    return ZigZag(static_cast<T>(values[i] - std::exchange(last, values[i])));
+  });
 }
 
 /// The inverse of PutDifferences(). Requires: bytes.size() == 4 * values.size().
@@ -140,14 +147,12 @@ inline void ReadDifferences(std::span<const std::byte> bytes, std::span<uint16_t
 /// Appends indices numbered by first appearance, each as its distance below the next new index. A
 /// new index gives 0.
 inline void PutFromNewest(std::span<const uint16_t> indices, Bytes& out) {
-  std::vector<uint16_t> below;
-  below.reserve(indices.size());
   uint16_t next = 0;
-  for (const uint16_t index : indices) {
-    below.push_back(static_cast<uint16_t>(next - index));
-    next = static_cast<uint16_t>(next + (index == next));
-  }
-  PutPlanes<uint16_t>(below, out);
+  PutPlanesOf<uint16_t>(indices.size(), out, [&](size_t i) {
+    const auto below = static_cast<uint16_t>(next - indices[i]);
+    next = static_cast<uint16_t>(next + (below == 0));
+    return below;
+  });
 }
 
 /// The inverse of PutFromNewest(). Returns: false when an index is not below `limit`.
