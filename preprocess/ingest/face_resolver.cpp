@@ -43,15 +43,18 @@ Status FaceResolver::SettleNow() {
 /// The triangles of a polygon are resolved together, or wait together: their vertices decide how the polygon
 /// is split.
 Status FaceResolver::ResolveBatch() {
+  const bool bare = triangles_.attributes() < Attributes::kNormals;  // each record is filled whole
   for (size_t i = 0, end; i < batch_.size(); i = end) {
     end = i + batch_[i].following + 1;
-    fan_.assign(end - i, TriangleRecord{});
+    if (fan_.size() < end - i) fan_.resize(end - i);
+    const std::span<TriangleRecord> fan = std::span(fan_).first(end - i);
+    if (!bare) std::ranges::fill(fan, TriangleRecord{});
     bool resolved = true;
     for (size_t k = i; k < end; ++k) {
-      QUARRY_ASSIGN(const bool found, Resolve(batch_[k], fan_[k - i]));
+      QUARRY_ASSIGN(const bool found, Resolve(batch_[k], fan[k - i]));
       resolved &= found;
     }
-    if (resolved) QUARRY_TRY(triangles_.AddPolygon(fan_));
+    if (resolved) QUARRY_TRY(triangles_.AddPolygon(fan));
     for (size_t k = i; k < end && !resolved; ++k) QUARRY_TRY(waiting_.Add(batch_[k]));
   }
   return {};

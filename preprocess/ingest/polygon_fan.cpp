@@ -4,7 +4,7 @@
 
 namespace quarry {
 
-void PolygonFan::Split(std::vector<TriangleRecord>& fan) {
+void PolygonFan::Split(std::span<TriangleRecord> fan) {
   positions_.assign({fan[0].vertices[0], fan[0].vertices[1]});
   for (const TriangleRecord& record : fan) positions_.push_back(record.vertices[2]);
   const std::span<const Triangulator::Triangle> triangles = triangulator_.Split(positions_);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
 #include "preprocess/import/polygon/triangulation.h"
@@ -17,7 +18,7 @@ class PolygonFan {
  public:
   /// Replaces the fan's triangles in place; ids keep their places. A convex polygon stays as it is. Memory:
   /// 140 bytes a corner, kept for the next polygon.
-  void Split(std::vector<TriangleRecord>& fan);
+  void Split(std::span<TriangleRecord> fan);
 
  private:
   struct Corner {

@@ -53,7 +53,7 @@ Status TriangleSpill::WidenNow(Attributes attributes) {
   return {};
 }
 
-Status TriangleSpill::AddPolygon(std::vector<TriangleRecord>& fan) {
+Status TriangleSpill::AddPolygon(std::span<TriangleRecord> fan) {
   if (fan.size() > 1) polygon_.Split(fan);
   for (TriangleRecord& record : fan) {
     if (!alpha_levels_.empty()) TakeAlpha(record);
@@ -76,7 +76,7 @@ void TriangleSpill::TakeAlpha(TriangleRecord& record) const {
   record.material = static_cast<uint16_t>(std::min<uint32_t>(levels->second + level, 65535));
 }
 
-Status TriangleSpill::Add(const TriangleRecord& record) {
+Status TriangleSpill::Add(TriangleRecord& record) {
   const TriangleFault fault = FaultOf(record);
   out_.dropped_not_finite += fault == TriangleFault::kNotFinite;
   out_.dropped_degenerate += fault == TriangleFault::kDegenerate;
@@ -87,9 +87,8 @@ Status TriangleSpill::Add(const TriangleRecord& record) {
   out_.bounds.Include(box.upper);
   out_.sample.Add(record);
   if (!emitters_.empty()) emitters_.Add(record);
-  TriangleRecord kept = record;
-  MarkOwnNormals(kept);
-  return out_.triangles->Append(&kept);
+  if (out_.attributes >= Attributes::kNormals) MarkOwnNormals(record);
+  return out_.triangles->Append(&record);
 }
 
 void TriangleSpill::WeighUp() {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -47,7 +48,7 @@ class TriangleSpill {
   void NoteMaterial(uint32_t number, const Material& material) { emitters_.NoteMaterial(number, material); }
 
   /// Splits the fan of one polygon in place (see PolygonFan) and keeps its triangles. Errors: disk full.
-  Status AddPolygon(std::vector<TriangleRecord>& fan);
+  Status AddPolygon(std::span<TriangleRecord> fan);
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const;
 
@@ -77,7 +78,7 @@ class TriangleSpill {
   void WeighUp();
   Result<SpillFile> OpenFile(uint64_t count);
   Status WidenNow(Attributes attributes);
-  Status Add(const TriangleRecord& record);
+  Status Add(TriangleRecord& record);
   void TakeAlpha(TriangleRecord& record) const;
 
   std::string folder_;

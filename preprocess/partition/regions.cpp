@@ -132,9 +132,9 @@ RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t firs
   routed.status = triangles.Read(first, {routed.records.get(), count * size});
   if (!routed.status) return routed;
   routed.places.reserve(count + count / 4);
+  TriangleRecord record;
   for (uint32_t i = 0; i < count; ++i) {
-    TriangleRecord record;
-    std::memcpy(&record, &routed.records[i * size], size);
+    CopyRecord(&routed.records[i * size], size, record);
     ForEachRegion(*tree_, record, padding, [&](uint32_t region, const Box& part) {
       contents_[region].Include(part.lower);
       contents_[region].Include(part.upper);
@@ -182,17 +182,6 @@ std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float
     if (!(box.lower[a] <= box.upper[a])) return {};
   }
   return box;
-}
-
-Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
-                     const std::function<Status(const TriangleRecord&)>& visit) {
-  SpillReader reader(file, first, last);
-  while (const std::byte* bytes = reader.Next()) {
-    TriangleRecord record;
-    std::memcpy(&record, bytes, file.element_bytes());
-    QUARRY_TRY(visit(record));
-  }
-  return reader.status();
 }
 
 }  // namespace quarry

@@ -123,8 +123,17 @@ void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float p
   });
 }
 
-/// Calls `visit` with the records [first, last) of a spill file. Errors: a read error; as `visit`'s.
-Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last,
-                     const std::function<Status(const TriangleRecord&)>& visit);
+/// Calls `visit`, which returns a Status, with the records [first, last) of a spill file. Errors: a read
+/// error; as `visit`'s.
+template <class Visit>
+Status ForEachRecord(const SpillFile& file, uint64_t first, uint64_t last, Visit&& visit) {
+  SpillReader reader(file, first, last);
+  TriangleRecord record;
+  while (const std::byte* bytes = reader.Next()) {
+    CopyRecord(bytes, file.element_bytes(), record);
+    QUARRY_TRY(visit(record));
+  }
+  return reader.status();
+}
 
 }  // namespace quarry

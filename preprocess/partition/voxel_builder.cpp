@@ -114,7 +114,7 @@ constexpr float kByteWorth = 0.015f;
 
 // Extra cost of a triangle in both children: saves a twentieth of the bytes and a tenth of the instructions
 // of the build for a hundredth of the SAH cost (likewise).
-constexpr float kCopyCost = 0.25f;
+constexpr float kCopyCost = 0.2f;
 
 struct VoxelTree {
   KdTree tree;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <glm/geometric.hpp>
 
 #include "common/math/elementary.h"
@@ -25,6 +26,18 @@ double ArcCosine(double x) {
   const double a = std::min(std::fabs(x), 1.0);
   const double arc = std::sqrt(1 - a) * (1.5707288 + a * (-0.2121144 + a * (0.0742610 + a * -0.0187293)));
   return x < 0 ? kPi - arc : arc;
+}
+
+constexpr size_t kLanes = 8;
+using Float8 = float __attribute__((vector_size(32)));
+using Int8 = int32_t __attribute__((vector_size(32)));
+constexpr Int8 kLaneNumbers{0, 1, 2, 3, 4, 5, 6, 7};
+
+template <class Vector, class T>
+Vector Load(const T* values) {
+  Vector vector;
+  std::memcpy(&vector, values, sizeof vector);
+  return vector;
 }
 
 double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
@@ -106,42 +119,49 @@ void CornerFans::Add(const TriangleRecord& t, uint32_t triangle, uint32_t corner
   corners_.push_back({slot, static_cast<uint32_t>(faces_.size() - 1) << 2 | corner});
 }
 
-/// Solves one fan: faces and their corners, in the form of PlacedCorner.
+/// Solves one fan: faces and their corners, in the form of PlacedCorner. Eight corners at a time are added up
+/// over all corners of the fan, in order.
 void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const {
-  const auto angle = [&](uint32_t c) { return faces_[c >> 2].angles[c & 3]; };
-  glm::vec3 sums[kMostAround];
-  float angles[kMostAround];
-  for (size_t i = 0; i < fan.size(); ++i) {
-    angles[i] = angle(fan[i]);
-    sums[i] = angles[i] * faces_[fan[i] >> 2].normal;
+  if (fan.size() < 2) return;  // the facet's normal
+  alignas(32) float x[kMostAround + kLanes], y[kMostAround + kLanes], z[kMostAround + kLanes],
+      angles[kMostAround + kLanes];
+  alignas(32) int32_t smoothing[kMostAround + kLanes];
+  const size_t filled = (fan.size() + kLanes - 1) / kLanes * kLanes;
+  for (size_t i = 0; i < filled; ++i) {
+    const uint32_t corner = fan[std::min(i, fan.size() - 1)];
+    const Face& face = faces_[corner >> 2];
+    x[i] = face.normal.x;
+    y[i] = face.normal.y;
+    z[i] = face.normal.z;
+    angles[i] = face.angles[corner & 3];
+    smoothing[i] = face.smoothing;
   }
-  for (size_t i = 0; i < fan.size(); ++i) {
-    const Face& face = faces_[fan[i] >> 2];
-    for (size_t j = 0; j < i; ++j) {
-      const Face& other = faces_[fan[j] >> 2];
-      if (other.smoothing != face.smoothing) continue;
-      const float cosine = glm::dot(face.normal, other.normal);
-      float side = 1;
-      if (face.smoothing == kSmoothByAngle) {
-        if (std::fabs(cosine) < smooth_cosine_) continue;
-        side = std::copysign(side, cosine);
-      } else if (cosine < kTurnedCosine) {
-        continue;
-      }
-      const float of_i = angle(fan[i]), of_j = angle(fan[j]);
-      sums[i] += side * of_j * other.normal;
-      sums[j] += side * of_i * face.normal;
-      angles[i] += of_j;
-      angles[j] += of_i;
+  for (size_t i = 0; i < fan.size(); i += kLanes) {
+    const Float8 nx = Load<Float8>(x + i), ny = Load<Float8>(y + i), nz = Load<Float8>(z + i);
+    const Int8 group = Load<Int8>(smoothing + i), number = kLaneNumbers + static_cast<int32_t>(i);
+    Float8 around = Load<Float8>(angles + i);
+    Float8 sx = around * nx, sy = around * ny, sz = around * nz;
+    for (size_t j = 0; j < fan.size(); ++j) {
+      const Float8 cosine = nx * x[j] + ny * y[j] + nz * z[j];
+      const Int8 turned = cosine < 0;
+      const bool by_angle = smoothing[j] == kSmoothByAngle;
+      const Int8 apart = by_angle ? ((turned ? -cosine : cosine) < smooth_cosine_) : (cosine < kTurnedCosine);
+      const Int8 meets = (group == smoothing[j]) & (number != static_cast<int32_t>(j)) & ~apart;
+      const Float8 plain = Float8{} + angles[j], weight = by_angle ? (turned ? -plain : plain) : plain;
+      sx = meets ? sx + weight * x[j] : sx;
+      sy = meets ? sy + weight * y[j] : sy;
+      sz = meets ? sz + weight * z[j] : sz;
+      around = meets ? around + plain : around;
     }
-  }
-  for (size_t i = 0; i < fan.size(); ++i) {
-    const Face& face = faces_[fan[i] >> 2];
-    const float length = std::sqrt(glm::dot(sums[i], sums[i]));
-    // Negated, so that sums that are not numbers are left out too.
-    if (!(length > kLeastShare * angles[i] && glm::dot(sums[i], face.normal) < kFlatCosine * length))
-      continue;
-    normals.push_back({face.triangle, fan[i] & 3, PackNormal(sums[i])});
+    const Float8 squares = sx * sx + sy * sy + sz * sz, along = sx * nx + sy * ny + sz * nz;
+    for (size_t lane = 0; lane < std::min(kLanes, fan.size() - i); ++lane) {
+      const float length = std::sqrt(squares[lane]);
+      // Negated, so that sums that are not numbers are left out too.
+      if (!(length > kLeastShare * around[lane] && along[lane] < kFlatCosine * length)) continue;
+      const uint32_t corner = fan[i + lane];
+      normals.push_back(
+          {faces_[corner >> 2].triangle, corner & 3, PackNormal(glm::vec3(sx[lane], sy[lane], sz[lane]))});
+    }
   }
 }
 

@@ -274,19 +274,15 @@ uint64_t SpillFile::PackedBytes(std::span<const std::byte> elements) {
   return bytes;
 }
 
-const std::byte* SpillReader::Next() {
-  if (at_ == filled_) {
-    if (next_ >= last_ || !status_) return nullptr;
-    status_ = Fill();
-    if (!status_) return nullptr;
-  }
-  const std::byte* element = buffer_.get() + at_;
-  at_ += file_.element_bytes();
-  return element;
+/// False: there is no further block, or it cannot be read.
+bool SpillReader::Fill() {
+  if (next_ >= last_ || !status_) return false;
+  status_ = ReadBlock();
+  return status_.has_value();
 }
 
 /// Reads the rest of a block.
-Status SpillReader::Fill() {
+Status SpillReader::ReadBlock() {
   const size_t size = file_.element_bytes();
   if (!file_.content_->has_table) {
     std::vector<std::byte> first(size);

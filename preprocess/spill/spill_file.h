@@ -111,15 +111,23 @@ class SpillReader {
  public:
   explicit SpillReader(const SpillFile& file) : SpillReader(file, 0, file.count()) {}
   SpillReader(const SpillFile& file, uint64_t first, uint64_t last)
-      : file_(file), next_(first), last_(last) {}
+      : file_(file), element_bytes_(file.element_bytes()), next_(first), last_(last) {}
   /// The next element's bytes, valid until the next call; null at the end or after an error, see status().
-  const std::byte* Next();
+  const std::byte* Next() {
+    if (at_ == filled_ && !Fill()) [[unlikely]]
+      return nullptr;
+    const std::byte* element = buffer_.get() + at_;
+    at_ += element_bytes_;
+    return element;
+  }
   const Status& status() const { return status_; }
 
  private:
-  Status Fill();
+  bool Fill();
+  Status ReadBlock();
 
   const SpillFile& file_;
+  const size_t element_bytes_;
   std::unique_ptr<std::byte[]> buffer_;
   size_t room_ = 0;  ///< of the buffer, in bytes
   uint64_t next_;    ///< first element not yet in the buffer

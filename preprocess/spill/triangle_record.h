@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <type_traits>
@@ -76,7 +77,7 @@ inline TriangleFault FaultOf(const TriangleRecord& r) {
   return area ? TriangleFault::kNone : TriangleFault::kDegenerate;
 }
 
-/// Bytes of a record in spill files.
+/// Bytes of a record in spill files; see CopyRecord().
 inline size_t RecordBytes(Attributes attributes) {
   switch (attributes) {
     case Attributes::kNone:
@@ -89,6 +90,16 @@ inline size_t RecordBytes(Attributes attributes) {
       break;
   }
   return sizeof(TriangleRecord);
+}
+
+/// Takes a record over from a spill file: its first `bytes` bytes. The rest stays as it is. A copy of a known
+/// number of bytes needs no call.
+inline void CopyRecord(const std::byte* from, size_t bytes, TriangleRecord& record) {
+  constexpr size_t kLeast = offsetof(TriangleRecord, colors);
+  if (bytes == kLeast)
+    std::memcpy(static_cast<void*>(&record), from, kLeast);
+  else
+    std::memcpy(static_cast<void*>(&record), from, bytes);
 }
 
 }  // namespace quarry

@@ -16,8 +16,8 @@ namespace quarry {
 namespace {
 
 constexpr int kBins = 32;
-constexpr uint32_t kExactUpTo =
-    32;  // references: up to this number each box end is a candidate plane; above it, borders of bins
+// Up to so many references have half as many bins: the plane then moves to the nearest box end anyway.
+constexpr size_t kFewReferences = 32;
 
 // References of which the ends are counted at most, about: planes are chosen from every so many of a larger
 // node's, and their counts and the ends of the box are exact (tests/bench/history/preprocess.md).
@@ -46,17 +46,12 @@ using UInt8 = uint32_t __attribute__((vector_size(32)));
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int32_t __attribute__((vector_size(16)));
 
-Float8 Load8(const float* values) {
-  Float8 vector;
-  std::memcpy(&vector, values, sizeof vector);
-  return vector;
-}
-/// Removes references to nothing, and keeps the order of the others. Returns their number.
-size_t RemoveEmpty(std::span<KdReference> references) {
-  const auto kept = std::ranges::remove_if(references, [](const KdReference& r) {
+/// Removes references to nothing, and keeps the order of the others. Returns how many are left.
+ptrdiff_t RemoveEmpty(std::span<KdReference> references) {
+  const auto removed = std::ranges::remove_if(references, [](const KdReference& r) {
     return !(r.lower[0] <= r.upper[0] && r.lower[1] <= r.upper[1] && r.lower[2] <= r.upper[2]);
   });
-  return references.size() - kept.size();
+  return static_cast<ptrdiff_t>(references.size() - removed.size());
 }
 
 /// A reference as one vector.
@@ -72,36 +67,6 @@ Float8 EndsOf(const KdReference& r) {
   const Int8 bits = BitsOf(r) & Int8{-1, -1, -1, 0, -1, -1, -1, 0};
   return reinterpret_cast<Float8>(bits);
 }
-/// NextAbove and NextBelow of finite numbers.
-Float8 JustAbove(Float8 x) {
-  x += 0.0f;  // no negative zero
-  Int8 bits;
-  std::memcpy(&bits, &x, sizeof bits);
-  bits += 1 + 2 * Int8(x < 0.0f);  // a true comparison is -1
-  std::memcpy(&x, &bits, sizeof bits);
-  return x;
-}
-Float8 JustBelow(Float8 x) { return -JustAbove(-x); }
-bool Any(Int8 mask) {
-  const auto words = std::bit_cast<std::array<uint64_t, 4>>(mask);
-  return (words[0] | words[1] | words[2] | words[3]) != 0;
-}
-
-/// The best of every eighth plane.
-struct Splits8 {
-  Float8 cost = Float8{} + kFloatInfinity;
-  Float8 position{};
-  Int8 axis = Int8{} - 1, left{}, right{};
-
-  KdSplit Best() const {
-    KdSplit best;
-    for (int lane = 0; lane < 8; ++lane)
-      if (cost[lane] < best.cost)
-        best = {cost[lane], position[lane], axis[lane], static_cast<uint32_t>(left[lane]),
-                static_cast<uint32_t>(right[lane])};
-    return best;
-  }
-};
 
 /// The SAH cost of planes across one axis of a cell, in traversal steps.
 class AxisCost {
@@ -128,22 +93,6 @@ class AxisCost {
     const float cost = (1 + areas * scale_) * (left == 0 || right == 0 ? empty_bonus_ : 1.0f) *
                        (1 + duplicate_ * (both - 1));
     if (cost < best.cost) best = {cost, position, axis_, left, right};
-  }
-  Int8 Inside(Float8 position) const { return (position > lower_) & (position < upper_); }
-  /// The same for eight planes; only the planes `inside` count.
-  void Consider(Float8 position, Int8 left, Int8 right, Int8 inside, Splits8& best) const {
-    const Float8 areas = (cap_ + (position - lower_) * rim_) * __builtin_convertvector(left, Float8) +
-                         (cap_ + (upper_ - position) * rim_) * __builtin_convertvector(right, Float8);
-    const Float8 full = 1 + areas * scale_;
-    const Float8 both = __builtin_convertvector(left + right, Float8) * per_reference_;
-    const Float8 cost =
-        (((left == 0) | (right == 0)) ? full * empty_bonus_ : full) * (1 + duplicate_ * (both - 1));
-    const Int8 less = (cost < best.cost) & inside;
-    best.cost = less ? cost : best.cost;
-    best.position = less ? position : best.position;
-    best.axis = less ? Int8{} + axis_ : best.axis;
-    best.left = less ? left : best.left;
-    best.right = less ? right : best.right;
   }
 
  private:
@@ -182,8 +131,8 @@ std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
 }
 
 KdSplit KdSplitter::Best(const Box& cell, std::span<const KdReference> references) const {
-  const bool exact = references.size() <= kExactUpTo && !costs_.sampled;
-  return exact ? BestExact(cell, references) : BestBinned(cell, references);
+  return references.size() <= kFewReferences ? BestBinned<kBins / 2>(cell, references)
+                                             : BestBinned<kBins>(cell, references);
 }
 
 std::pair<ReferenceRange, ReferenceRange> KdSplitter::Divide(ReferenceStacks& stacks, ReferenceRange node,
@@ -192,36 +141,37 @@ std::pair<ReferenceRange, ReferenceRange> KdSplitter::Divide(ReferenceStacks& st
   const ReferenceRange left = stacks.Beside(node);
   KdReference* const lefts = stacks.Room(left.stack, references.size());
   KdReference* const rights = references.data();
-  if (cut_.size() < references.size()) cut_.resize(references.size());
-  size_t left_count = 0, right_count = 0, cut_count = 0;
+  KdReference *left_end = lefts, *right_end = rights;
+  cut_.clear();
   // Each goes to both, and counts where it belongs: a branch would be mispredicted half of the time. Their
   // order stays, since neighbours in a model compress well.
   for (const KdReference& r : references) {
     const bool is_left = r.upper[split.axis] < split.position;
     const bool is_right = r.lower[split.axis] > split.position;
     const Int8 copy = BitsOf(r);
-    PutBits(copy, lefts[left_count]);
-    PutBits(copy, rights[right_count]);
-    cut_[cut_count] = {static_cast<uint32_t>(left_count), static_cast<uint32_t>(right_count)};
-    left_count += !is_right;
-    right_count += !is_left;
-    cut_count += !is_left && !is_right;
+    PutBits(copy, *left_end);
+    PutBits(copy, *right_end);
+    if (is_left == is_right) [[unlikely]]
+      cut_.push_back({left_end, right_end});
+    left_end += !is_right;
+    right_end += !is_left;
   }
   bool all_left = true, all_right = true;
-  for (const auto& [in_left, in_right] : std::span(cut_).first(cut_count)) {
-    ClippedTriangle polygon(triangles_[lefts[in_left].triangle]);
+  for (const auto& [in_left, in_right] : cut_) {
+    ClippedTriangle polygon(triangles_[in_left->triangle]);
     polygon.Clip(cell, growth_);
     PointBox parts[2];
     polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
-    all_left &= Narrow(parts[0], growth_, lefts[in_left]);
-    all_right &= Narrow(parts[1], growth_, rights[in_right]);
+    all_left &= Narrow(parts[0], growth_, *in_left);
+    all_right &= Narrow(parts[1], growth_, *in_right);
   }
-  stacks.SetCount(left, all_left ? left_count : RemoveEmpty({lefts, left_count}));
-  stacks.SetCount(node, all_right ? right_count : RemoveEmpty({rights, right_count}));
+  stacks.SetCount(left, all_left ? left_end - lefts : RemoveEmpty({lefts, left_end}));
+  stacks.SetCount(node, all_right ? right_end - rights : RemoveEmpty({rights, right_end}));
   return {left, node};
 }
 
 /// All three axes at a time. Lanes 0 to 2 hold lower ends, lanes 4 to 6 upper ends.
+template <int kOfAxis>
 KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> references) const {
   Float8 first{}, scale{};
   Float4 base{}, upper_end{}, width{}, cap{}, rim{};
@@ -229,9 +179,9 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
     const float extent = cell.extent(axis);
     const float e1 = cell.extent((axis + 1) % 3), e2 = cell.extent((axis + 2) % 3);
     base[axis] = first[axis] = first[axis + 4] = cell.lower[axis];
-    scale[axis] = scale[axis + 4] = extent > 0 ? kBins / extent : 0.0f;
+    scale[axis] = scale[axis + 4] = extent > 0 ? kOfAxis / extent : 0.0f;
     upper_end[axis] = cell.upper[axis];
-    width[axis] = extent / kBins;
+    width[axis] = extent / kOfAxis;
     cap[axis] = e1 * e2;
     rim[axis] = e1 + e2;
   }
@@ -239,12 +189,12 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
   const size_t stride = costs_.sampled ? 1 : std::max<size_t>(references.size() / kMostCounted, 1);
   const auto counted = static_cast<int32_t>((references.size() + stride - 1) / stride);
   constexpr UInt8 kLanes{0, 1, 2, 3, 4, 5, 6, 7};
-  alignas(32) std::array<int32_t, size_t{8} * kBins> counts{};  // of each bin, eight lanes
+  alignas(32) std::array<int32_t, size_t{8} * kOfAxis> counts{};  // of each bin, eight lanes
   alignas(32) uint32_t places[8];
   for (size_t i = 0; i < references.size(); i += stride) {
     Float8 at = (EndsOf(references[i]) - first) * scale;
     at = at > 0.0f ? at : Float8{};
-    at = at < kBins - 1.0f ? at : Float8{} + (kBins - 1.0f);
+    at = at < kOfAxis - 1.0f ? at : Float8{} + (kOfAxis - 1.0f);
     const UInt8 place = reinterpret_cast<UInt8>(__builtin_convertvector(at, Int8)) * 8 + kLanes;
     std::memcpy(places, &place, sizeof places);
     for (const size_t lane : {0u, 1u, 2u, 4u, 5u, 6u}) ++counts[places[lane]];
@@ -282,7 +232,7 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
     consider(above, Int4{} + counted, Int4{});
   }
   Int4 left{}, right = Int4{} + counted;
-  for (size_t b = 0; b + 1 < kBins; ++b) {
+  for (size_t b = 0; b + 1 < kOfAxis; ++b) {
     Int4 starts_here, ends_here;
     std::memcpy(&starts_here, &counts[8 * b], sizeof starts_here);
     std::memcpy(&ends_here, &counts[8 * b + 4], sizeof ends_here);
@@ -343,40 +293,6 @@ KdSplit KdSplitter::Shifted(const Box& cell, std::span<const KdReference> refere
   if (below > -kFloatInfinity) cost.Consider(NextAbove(below), left, right, best);
   if (above < kFloatInfinity) cost.Consider(NextBelow(above), left, right, best);
   return best;
-}
-
-/// Weighs the planes just outside every box end, so that the box lies on one side only.
-KdSplit KdSplitter::BestExact(const Box& cell, std::span<const KdReference> references) const {
-  Splits8 best;
-  for (int axis = 0; axis < 3; ++axis) {
-    const AxisCost cost(cell, axis, costs_, references.size());
-    alignas(32) float lower[kExactUpTo + 8], upper[kExactUpTo + 8];
-    size_t count = 0;
-    for (const KdReference& r : references) {
-      lower[count] = r.lower[axis];
-      upper[count++] = r.upper[axis];
-    }
-    // The last vector's filling gives no plane inside the cell.
-    for (size_t k = 0; k < 8; ++k) {
-      lower[count + k] = cell.lower[axis];
-      upper[count + k] = cell.upper[axis];
-    }
-    const auto consider = [&](Float8 position) {
-      const Int8 inside = cost.Inside(position);
-      if (!Any(inside)) return;
-      Int8 left{}, right{};  // a true comparison is -1
-      for (size_t j = 0; j < count; ++j) {
-        left -= lower[j] <= position;
-        right -= upper[j] >= position;
-      }
-      cost.Consider(position, left, right, inside, best);
-    };
-    for (size_t k = 0; k < count; k += 8) {
-      consider(JustBelow(Load8(lower + k)));
-      consider(JustAbove(Load8(upper + k)));
-    }
-  }
-  return best.Best();
 }
 
 namespace {

@@ -16,7 +16,7 @@ namespace quarry {
 struct Box {
   glm::vec3 lower{0}, upper{0};
 
-  void Include(const glm::vec3& p) {
+  [[gnu::always_inline]] void Include(const glm::vec3& p) {
     for (int a = 0; a < 3; ++a) {
       lower[a] = p[a] < lower[a] ? p[a] : lower[a];
       upper[a] = p[a] > upper[a] ? p[a] : upper[a];
@@ -99,15 +99,15 @@ class KdSplitter {
                                                    const Box& cell, const KdSplit& split);
 
  private:
+  template <int kOfAxis>
   KdSplit BestBinned(const Box& cell, std::span<const KdReference> references) const;
-  KdSplit BestExact(const Box& cell, std::span<const KdReference> references) const;
   KdSplit Shifted(const Box& cell, std::span<const KdReference> references, const KdSplit& split) const;
 
   std::span<const KdTriangle> triangles_;
   SahCosts costs_;
   double growth_;  ///< the padding and a bound on rounding
-  /// References of the node that is divided that the plane cuts: places in the left child and in the right.
-  std::vector<std::pair<uint32_t, uint32_t>> cut_;
+  /// References of the node that is divided that the plane cuts: in the left child and in the right.
+  std::vector<std::pair<KdReference*, KdReference*>> cut_;
 };
 
 /// A kd-tree in stored form: nodes[0] is the root, children lie side by side beyond their parent; leaves name

@@ -45,7 +45,9 @@ class ReferenceStacks {
     return stack.references.get() + stack.size;
   }
   /// Leaves `count` references in a range, in the room of before.
-  void SetCount(Range range, size_t count) { stacks_[range.stack].size = range.begin + count; }
+  void SetCount(Range range, ptrdiff_t count) {
+    stacks_[range.stack].size = range.begin + static_cast<size_t>(count);
+  }
 
  private:
   struct Stack {
