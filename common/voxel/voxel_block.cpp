@@ -143,18 +143,21 @@ Bytes CompressBlock(std::span<const std::byte> streams) {
                                                                                         LZ4_freeStreamHC);
   QUARRY_CHECK(state != nullptr);
   LZ4_resetStreamHC_fast(state.get(), kCompressionLevel);
-  Bytes stored(sizeof(uint32_t) + static_cast<size_t>(LZ4_compressBound(static_cast<int>(streams.size()))));
-  const auto bytes = static_cast<uint32_t>(streams.size());
-  std::memcpy(stored.data(), &bytes, sizeof bytes);
-  const std::span packed = std::span(stored).subspan(sizeof bytes);
-  const int size = LZ4_compress_HC_continue(
-      state.get(), reinterpret_cast<const char*>(streams.data()), reinterpret_cast<char*>(packed.data()),
-      static_cast<int>(streams.size()), static_cast<int>(packed.size()));
+  const auto most = static_cast<size_t>(LZ4_compressBound(static_cast<int>(streams.size())));
+  const auto packed = std::make_unique_for_overwrite<std::byte[]>(most);
+  const int size = LZ4_compress_HC_continue(state.get(), reinterpret_cast<const char*>(streams.data()),
+                                            reinterpret_cast<char*>(packed.get()),
+                                            static_cast<int>(streams.size()), static_cast<int>(most));
   QUARRY_CHECK(size > 0);
+  const auto bytes = static_cast<uint32_t>(streams.size());
   const bool smaller = static_cast<size_t>(size) < streams.size();
-  if (!smaller) std::ranges::copy(streams, packed.begin());
-  stored.resize(sizeof bytes + (smaller ? static_cast<size_t>(size) : streams.size()));
-  stored.shrink_to_fit();
+  const std::span<const std::byte> content =
+      smaller ? std::span<const std::byte>(packed.get(), static_cast<size_t>(size)) : streams;
+  Bytes stored;
+  stored.reserve(sizeof bytes + content.size());
+  const std::span<const std::byte> head = std::as_bytes(std::span(&bytes, 1));
+  stored.insert(stored.end(), head.begin(), head.end());
+  stored.insert(stored.end(), content.begin(), content.end());
   return stored;
 }
 

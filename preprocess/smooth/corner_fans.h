@@ -33,6 +33,11 @@ class CornerFans {
   /// Units: degrees.
   explicit CornerFans(double crease);
   void Clear();
+  /// Makes room for the corners of so many triangles.
+  void Reserve(size_t triangles) {
+    faces_.reserve(triangles);
+    corners_.reserve(3 * triangles);
+  }
 
   /// Makes an empty fan at a position, unless there is one. Returns: how often it has been opened. `hash`,
   /// here and below: HashOfPosition().

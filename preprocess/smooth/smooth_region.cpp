@@ -22,9 +22,11 @@ class RegionNormals {
   RegionNormals(const Box& cell, const SpillFile* border, double crease)
       : cell_(cell), border_(border), fans_(crease) {}
 
-  Status Begin(const HashShare& share) {
+  /// `triangles`: of a pass, at most.
+  Status Begin(const HashShare& share, size_t triangles = 0) {
     share_ = share;
     fans_.Clear();
+    fans_.Reserve(triangles);
     found_.clear();
     received_.clear();
     if (border_ == nullptr) return {};
@@ -156,7 +158,7 @@ Status SmoothRecords(std::vector<TriangleRecord>& records, const Box& cell, cons
   RegionNormals normals(cell, border, crease);
   HashShare share{0, HashShare::PassesFor(records.size())};
   for (; share.pass < share.passes; ++share.pass) {
-    QUARRY_TRY(normals.Begin(share));
+    QUARRY_TRY(normals.Begin(share, records.size() / share.passes));
     for (uint32_t i = 0; i < records.size(); ++i) normals.Add(records[i], i);
     for (const CornerNormal& found : normals.Finish()) SetNormal(records[found.triangle], found);
   }

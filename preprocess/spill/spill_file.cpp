@@ -70,15 +70,14 @@ Status ReadHeader(int fd, const std::string& path, uint64_t offset, BlockHeader&
   return ReadAt(fd, path, offset, {reinterpret_cast<char*>(&header), sizeof header});
 }
 
-/// Returns the bytes used of `out`.
-size_t Pack(std::span<const std::byte> elements, bool packs, std::span<char> out) {
+/// The bytes to be stored: in `out`, or the elements themselves.
+std::span<const std::byte> Pack(std::span<const std::byte> elements, bool packs, std::span<char> out) {
   int stored = 0;
   if (packs)
     stored = LZ4_compress_default(reinterpret_cast<const char*>(elements.data()), out.data(),
                                   static_cast<int>(elements.size()), static_cast<int>(out.size()));
-  if (stored > 0 && static_cast<size_t>(stored) < elements.size()) return static_cast<size_t>(stored);
-  std::memcpy(out.data(), elements.data(), elements.size());
-  return elements.size();
+  const bool smaller = stored > 0 && static_cast<size_t>(stored) < elements.size();
+  return smaller ? std::as_bytes(out.first(static_cast<size_t>(stored))) : elements;
 }
 
 }  // namespace
@@ -158,18 +157,18 @@ Status SpillFile::Flush() {
 }
 
 Status SpillFile::Content::Write(uint64_t first, std::span<const std::byte> elements) {
-  const size_t room = static_cast<size_t>(LZ4_compressBound(static_cast<int>(elements.size())));
-  const auto block = std::make_unique_for_overwrite<char[]>(sizeof(BlockHeader) + room);
-  const size_t stored = Pack(elements, bytes >= pack_from, {block.get() + sizeof(BlockHeader), room});
+  const bool packs = bytes >= pack_from;
+  const size_t room = packs ? static_cast<size_t>(LZ4_compressBound(static_cast<int>(elements.size()))) : 0;
+  const auto packed = std::make_unique_for_overwrite<char[]>(room);
+  const std::span<const std::byte> stored = Pack(elements, packs, {packed.get(), room});
   const BlockHeader header{static_cast<uint32_t>(elements.size() / element_bytes),
-                           static_cast<uint32_t>(stored)};
-  std::memcpy(block.get(), &header, sizeof header);
+                           static_cast<uint32_t>(stored.size())};
   const Descriptor file(path, O_WRONLY | O_APPEND);
   if (file.get() < 0) return CannotWrite(path, errno);
-  if (!WriteAll(file.get(), std::as_bytes(std::span(block.get(), sizeof header + stored))))
+  if (!WriteAll(file.get(), std::as_bytes(std::span(&header, 1))) || !WriteAll(file.get(), stored))
     return CannotWrite(path, errno);
   if (has_table) blocks.push_back({first, bytes});
-  bytes += sizeof header + stored;
+  bytes += sizeof header + stored.size();
   return {};
 }
 
@@ -270,7 +269,8 @@ uint64_t SpillFile::PackedBytes(std::span<const std::byte> elements) {
   std::vector<char> packed(static_cast<size_t>(LZ4_compressBound(kBlockBytes)));
   uint64_t bytes = 0;
   for (; !elements.empty(); elements = elements.subspan(std::min(elements.size(), kBlockBytes)))
-    bytes += sizeof(BlockHeader) + Pack(elements.first(std::min(elements.size(), kBlockBytes)), true, packed);
+    bytes += sizeof(BlockHeader) +
+             Pack(elements.first(std::min(elements.size(), kBlockBytes)), true, packed).size();
   return bytes;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -31,11 +32,12 @@ struct TriangleRecord {
 
   /// The triangle's box, grown by `padding` on every side.
   Box PaddedBox(float padding) const {
-    Box box{vertices[0], vertices[0]};
-    box.Include(vertices[1]);
-    box.Include(vertices[2]);
-    box.lower -= glm::vec3(padding);
-    box.upper += glm::vec3(padding);
+    Box box;
+    for (int a = 0; a < 3; ++a) {
+      const float x = vertices[0][a], y = vertices[1][a], z = vertices[2][a];
+      box.lower[a] = std::min(std::min(x, y), z) - padding;
+      box.upper[a] = std::max(std::max(x, y), z) + padding;
+    }
     return box;
   }
 };

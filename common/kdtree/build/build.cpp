@@ -100,6 +100,19 @@ class AxisCost {
   float lower_, upper_, empty_bonus_, duplicate_, per_reference_, cap_, rim_, scale_;
 };
 
+PointBox BoundsOf(const KdTriangle& triangle) {
+  PointBox box;
+  for (const glm::vec3& v : triangle.vertices) box.Include(Point4{v.x, v.y, v.z, 0});
+  return box;
+}
+
+/// Whether a box reaches beyond the cell grown by `growth`.
+bool ReachesBeyond(const PointBox& box, const Box& cell, double growth) {
+  for (int a = 0; a < 3; ++a)
+    if (box.lower[a] < cell.lower[a] - growth || box.upper[a] > cell.upper[a] + growth) return true;
+  return false;
+}
+
 }  // namespace
 
 KdSplitter::KdSplitter(std::span<const KdTriangle> triangles, float padding, const Box& cell,
@@ -123,9 +136,14 @@ std::vector<KdReference> KdSplitter::ReferencesIn(const Box& cell) const {
                   i,
                   {kFloatInfinity, kFloatInfinity, kFloatInfinity},
                   0};
-    ClippedTriangle polygon(triangles_[i]);
-    polygon.Clip(cell, growth_);
-    if (!polygon.empty() && Narrow(polygon.Bounds(), growth_, r)) references.push_back(r);
+    PointBox bounds = BoundsOf(triangles_[i]);
+    if (ReachesBeyond(bounds, cell, growth_)) {
+      ClippedTriangle polygon(triangles_[i]);
+      polygon.Clip(cell, growth_);
+      if (polygon.empty()) continue;
+      bounds = polygon.Bounds();
+    }
+    if (Narrow(bounds, growth_, r)) references.push_back(r);
   }
   return references;
 }
@@ -159,7 +177,7 @@ std::pair<ReferenceRange, ReferenceRange> KdSplitter::Divide(ReferenceStacks& st
   bool all_left = true, all_right = true;
   for (const auto& [in_left, in_right] : cut_) {
     ClippedTriangle polygon(triangles_[in_left->triangle]);
-    polygon.Clip(cell, growth_);
+    (void)cell;
     PointBox parts[2];
     polygon.BoundParts(split.axis, split.position + growth_, split.position - growth_, parts);
     all_left &= Narrow(parts[0], growth_, *in_left);
