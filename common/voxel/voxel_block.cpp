@@ -20,7 +20,7 @@ namespace {
 
 // LZ4 HC level. Trades bytes of the store against time of preprocessing (tests/bench/history/store_format.md,
 // 2026-11-21).
-constexpr int kCompressionLevel = 3;
+constexpr int kCompressionLevel = 2;
 
 /// Decoders rely on leaves' references being contiguous, from the leftmost leaf on.
 void CheckReferences(const HotVoxel& voxel) {

@@ -79,6 +79,7 @@ TriangleRecord WithAllNormals(TriangleRecord t) {
 
 ShadingVoxel BuildShading(std::span<const TriangleRecord> triangles, bool may_pack) {
   ShadingVoxel voxel;
+  voxel.corners.reserve(triangles.size() * 3);
   Interner<ShadingVertex> interner(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
     for (int k = 0; k < 3; ++k)
@@ -114,7 +115,7 @@ constexpr float kByteWorth = 0.015f;
 
 // Extra cost of a triangle in both children: saves a twentieth of the bytes and a tenth of the instructions
 // of the build for a hundredth of the SAH cost (likewise).
-constexpr float kCopyCost = 0.12f;
+constexpr float kCopyCost = 0.14f;
 
 struct VoxelTree {
   KdTree tree;
@@ -188,6 +189,7 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
   const bool has_shading = HasShading(triangles, options);
   Interner<glm::vec3> interner(triangles.size() * 3);
   std::vector<glm::vec3> vertices;
+  vertices.reserve(triangles.size());
   std::vector<uint16_t> corners;
   corners.reserve(triangles.size() * 3);
   for (const TriangleRecord& t : triangles)
@@ -208,8 +210,13 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
   voxel.wide_nodes = wide_nodes;
   voxel.references.assign(tree.references.begin(), tree.references.end());
   std::vector<TriangleRecord> ordered;
-  ordered.reserve(order.size());
+  if (has_shading) ordered.reserve(order.size());
   std::vector<uint16_t> number(vertices.size(), kUnseen);  // of each vertex, in the order of the triangles
+  voxel.vertices.reserve(vertices.size());
+  voxel.corners.reserve(corners.size());
+  voxel.triangle_ids.reserve(triangles.size());
+  voxel.materials.reserve(triangles.size());
+  voxel.parts.reserve(triangles.size());
   for (uint16_t i : order) {
     const TriangleRecord& t = triangles[i];
     for (size_t k = 0; k < 3; ++k) {

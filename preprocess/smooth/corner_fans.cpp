@@ -44,14 +44,6 @@ double Dot(const glm::dvec3& a, const glm::dvec3& b) { return a.x * b.x + a.y * 
 
 }  // namespace
 
-uint32_t HashOfPosition(const glm::vec3& position) {
-  uint64_t hash = 0;
-  for (int a = 0; a < 3; ++a)
-    hash = (hash ^ std::bit_cast<uint32_t>(position[a] + 0.0f)) * 0x9E3779B97F4A7C15ull;
-  hash ^= hash >> 29;
-  return static_cast<uint32_t>((hash * 0xBF58476D1CE4E5B9ull) >> 32);
-}
-
 CornerFans::CornerFans(double crease) {
   double sine, cosine;
   SinCos(crease * (kPi / 180), sine, cosine);
@@ -68,14 +60,6 @@ void CornerFans::Clear() {
   counts_.clear();
   faces_.clear();
   corners_.clear();
-}
-
-/// The place in the table of a position, or of the free slot where it belongs.
-size_t CornerFans::Probe(const glm::vec3& position, uint32_t hash) const {
-  // Multiplied, because the hashes of a pass share their low bits.
-  size_t at = (hash * 0x9E3779B1u) >> table_shift_;
-  while (table_[at] != kFree && positions_[table_[at]] != position) at = (at + 1) & (table_.size() - 1);
-  return at;
 }
 
 uint32_t CornerFans::SlotOf(const glm::vec3& position, uint32_t hash) {

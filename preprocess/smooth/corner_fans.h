@@ -1,5 +1,6 @@
 #pragma once
 
+#include <bit>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <span>
@@ -17,7 +18,13 @@ struct CornerNormal {
 };
 
 /// A hash of a position; 0 and -0 are one position.
-uint32_t HashOfPosition(const glm::vec3& position);
+inline uint32_t HashOfPosition(const glm::vec3& position) {
+  uint64_t hash = 0;
+  for (int a = 0; a < 3; ++a)
+    hash = (hash ^ std::bit_cast<uint32_t>(position[a] + 0.0f)) * 0x9E3779B97F4A7C15ull;
+  hash ^= hash >> 29;
+  return static_cast<uint32_t>((hash * 0xBF58476D1CE4E5B9ull) >> 32);
+}
 
 /// The corners that meet at positions, and their smooth normals. A corner's normal is the mean of the unit
 /// normals of those triangles at its position that its own triangle meets smoothly, weighted by their angles
@@ -65,7 +72,13 @@ class CornerFans {
     uint32_t face_corner;  ///< four times the face, and the corner
   };
   uint32_t SlotOf(const glm::vec3& position, uint32_t hash);
-  size_t Probe(const glm::vec3& position, uint32_t hash) const;
+  /// The place in the table of a position, or of the free slot where it belongs.
+  size_t Probe(const glm::vec3& position, uint32_t hash) const {
+    // Multiplied, because the hashes of a pass share their low bits.
+    size_t at = (hash * 0x9E3779B1u) >> table_shift_;
+    while (table_[at] != kFree && positions_[table_[at]] != position) at = (at + 1) & (table_.size() - 1);
+    return at;
+  }
   void Grow();
   static Face MakeFace(const TriangleRecord& t, uint32_t triangle);
   void SolveFan(std::span<const uint32_t> fan, std::vector<CornerNormal>& normals) const;

@@ -85,7 +85,7 @@ std::span<const std::byte> Pack(std::span<const std::byte> elements, bool packs,
 SpillFile::SpillFile(std::string path, size_t element_bytes, const Options& options)
     : content_(std::make_unique<Content>()), writer_(options.writer), block_bytes_(options.block_bytes) {
   content_->path = std::move(path);
-  content_->element_bytes = element_bytes;
+  content_->element_bytes = element_bytes_ = element_bytes;
   content_->pack_from = options.pack_from;
 }
 
@@ -134,25 +134,21 @@ void SpillFile::Content::ForgetBlocks() {
   has_table = false;
 }
 
-Status SpillFile::Append(const void* element) {
-  const size_t size = content_->element_bytes;
-  if (buffer_.size() + size > block_bytes_) QUARRY_TRY(Flush());
-  if (buffer_.capacity() < block_bytes_) buffer_.reserve(block_bytes_);
-  const auto* bytes = static_cast<const std::byte*>(element);
-  buffer_.insert(buffer_.end(), bytes, bytes + size);
-  ++count_;
+Status SpillFile::MakeRoom() {
+  QUARRY_TRY(Flush());
+  buffer_.MakeRoom(block_bytes_ / element_bytes_ * element_bytes_);
   return {};
 }
 
 Status SpillFile::Flush() {
-  if (buffer_.empty()) return {};
+  if (buffer_.size == 0) return {};
   const uint64_t first = flushed();
   if (writer_)
     return writer_->Give(buffer_, [first, content = content_.get()](std::span<const std::byte> elements) {
       return content->Write(first, elements);
     });
-  QUARRY_TRY(content_->Write(first, buffer_));
-  buffer_.clear();
+  QUARRY_TRY(content_->Write(first, buffer_.content()));
+  buffer_.size = 0;
   return {};
 }
 

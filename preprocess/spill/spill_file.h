@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <span>
 #include <string>
@@ -43,11 +44,23 @@ class SpillFile {
   const std::string& path() const { return content_->path; }
   uint64_t count() const { return count_; }
   /// Elements that are not in the buffer.
-  uint64_t flushed() const { return count_ - buffer_.size() / content_->element_bytes; }
-  size_t element_bytes() const { return content_->element_bytes; }
+  uint64_t flushed() const { return count_ - buffer_.size / element_bytes_; }
+  size_t element_bytes() const { return element_bytes_; }
 
   /// Appends the first element_bytes() bytes at `element`. Errors: disk full.
-  Status Append(const void* element);
+  Status Append(const void* element) {
+    const size_t size = element_bytes_;
+    if (buffer_.size + size > buffer_.room) [[unlikely]]
+      QUARRY_TRY(MakeRoom());
+    std::byte* const place = buffer_.bytes.get() + buffer_.size;
+    if (size == kUsualBytes)
+      std::memcpy(place, element, kUsualBytes);
+    else
+      std::memcpy(place, element, size);
+    buffer_.size += size;
+    ++count_;
+    return {};
+  }
   /// Writes the buffer as a block, or hands it to the writer. Errors: disk full.
   Status Flush();
   /// Flushes, waits for the writer, which may end afterwards, and frees the buffer. Required before reading.
@@ -93,6 +106,9 @@ class SpillFile {
     void ForgetBlocks();
   };
   SpillFile(std::string path, size_t element_bytes, const Options& options);
+  /// Bytes of most elements: triangles without attributes. A copy of a known number of bytes needs no call.
+  static constexpr size_t kUsualBytes = 48;
+  Status MakeRoom();
   Status Settle() const;
   size_t BlockOf(uint64_t element) const;
   uint64_t EndOf(size_t block) const;
@@ -102,8 +118,9 @@ class SpillFile {
   std::unique_ptr<Content> content_;
   SpillWriter* writer_ = nullptr;
   size_t block_bytes_ = 0;
+  size_t element_bytes_ = 0;
   uint64_t count_ = 0;  ///< including the buffer's elements
-  std::vector<std::byte> buffer_;
+  SpillBlock buffer_;
 };
 
 /// Reads a SpillFile's elements [first, last) in order with one buffer. Thread safety: none.

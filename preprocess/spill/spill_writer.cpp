@@ -13,16 +13,16 @@ SpillWriter::~SpillWriter() {
   thread_.join();
 }
 
-Status SpillWriter::Give(std::vector<std::byte>& block, Write write) {
+Status SpillWriter::Give(SpillBlock& block, Write write) {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return waiting_ < kMostWaiting; });
-  waiting_ += block.size();
+  waiting_ += block.size;
   jobs_.push_back({std::exchange(block, {}), std::move(write)});
   if (!spare_.empty()) {
     block = std::move(spare_.back());
     spare_.pop_back();
-    spare_bytes_ -= block.capacity();
-    block.clear();
+    spare_bytes_ -= block.room;
+    block.size = 0;
   }
   Status status = status_;
   lock.unlock();
@@ -46,12 +46,12 @@ void SpillWriter::Run() {
     busy_ = true;
     const bool failed = !status_;
     lock.unlock();
-    Status written = failed ? Status{} : job.write(job.block);
+    Status written = failed ? Status{} : job.write(job.block.content());
     lock.lock();
     if (!written) status_ = std::move(written);
-    waiting_ -= job.block.size();
-    if (spare_bytes_ + job.block.capacity() <= kMostWaiting) {
-      spare_bytes_ += job.block.capacity();
+    waiting_ -= job.block.size;
+    if (spare_bytes_ + job.block.room <= kMostWaiting) {
+      spare_bytes_ += job.block.room;
       spare_.push_back(std::move(job.block));
     }
     busy_ = false;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <deque>
 #include <functional>
+#include <memory>
 #include <mutex>
 #include <span>
 #include <thread>
@@ -12,6 +13,20 @@
 #include "common/base/status.h"
 
 namespace quarry {
+
+/// Elements on their way to a file. Its room is not cleared.
+struct SpillBlock {
+  std::unique_ptr<std::byte[]> bytes;
+  size_t size = 0, room = 0;
+
+  std::span<const std::byte> content() const { return {bytes.get(), size}; }
+  /// Requires: it is empty.
+  void MakeRoom(size_t wanted) {
+    if (room >= wanted) return;
+    bytes = std::make_unique_for_overwrite<std::byte[]>(wanted);
+    room = wanted;
+  }
+};
 
 /// Writes blocks in order on a thread of its own, so that their maker waits neither for packing nor for the
 /// disk. Memory: kMostWaiting bytes of blocks and one more that wait, and as many for reuse. Thread-safe.
@@ -27,13 +42,13 @@ class SpillWriter {
 
   /// Takes `block`'s bytes and leaves an empty buffer. Waits while too many bytes wait. Errors: an
   /// earlier write has failed.
-  Status Give(std::vector<std::byte>& block, Write write);
+  Status Give(SpillBlock& block, Write write);
   /// Waits until all blocks are written. Errors: a write error.
   Status Wait();
 
  private:
   struct Job {
-    std::vector<std::byte> block;
+    SpillBlock block;
     Write write;
   };
   void Run();
@@ -41,7 +56,7 @@ class SpillWriter {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<Job> jobs_;
-  std::vector<std::vector<std::byte>> spare_;
+  std::vector<SpillBlock> spare_;
   size_t waiting_ = 0, spare_bytes_ = 0;  ///< bytes of waiting blocks; capacity of the spare buffers
   bool busy_ = false, ends_ = false;
   Status status_;

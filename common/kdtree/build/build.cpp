@@ -28,23 +28,28 @@ constexpr float kGainAtOnce = 2.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 
-/// Clips the reference to the box grown by `growth`. Returns: false when nothing is left.
-bool Narrow(const PointBox& box, double growth, KdReference& r) {
-  bool any = true;
-  for (int a = 0; a < 3; ++a) {
-    r.lower[a] = std::max(r.lower[a], static_cast<float>(box.lower[a] - growth));
-    r.upper[a] = std::min(r.upper[a], static_cast<float>(box.upper[a] + growth));
-    any &= r.lower[a] <= r.upper[a];
-  }
-  return any;
-}
-
 /// Eight planes at a time, as the compiler's own vectors.
 using Float8 = float __attribute__((vector_size(32)));
 using Int8 = int32_t __attribute__((vector_size(32)));
 using UInt8 = uint32_t __attribute__((vector_size(32)));
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = int32_t __attribute__((vector_size(16)));
+
+/// Clips the reference to the box grown by `growth`. Returns: false when nothing is left.
+bool Narrow(const PointBox& box, double growth, KdReference& r) {
+  constexpr Int4 kUnused{0, 0, 0, -1};
+  Float4 old_lower, old_upper;
+  std::memcpy(&old_lower, r.lower, sizeof old_lower);  // and the triangle
+  std::memcpy(&old_upper, r.upper, sizeof old_upper);
+  const Float4 lower = __builtin_convertvector(box.lower - growth, Float4);
+  const Float4 upper = __builtin_convertvector(box.upper + growth, Float4);
+  const Float4 new_lower = (lower > old_lower) & ~kUnused ? lower : old_lower;
+  const Float4 new_upper = (upper < old_upper) & ~kUnused ? upper : old_upper;
+  std::memcpy(r.lower, &new_lower, sizeof new_lower);
+  std::memcpy(r.upper, &new_upper, sizeof new_upper);
+  const auto some = std::bit_cast<std::array<uint64_t, 2>>((new_lower <= new_upper) | kUnused);
+  return (some[0] & some[1]) == ~uint64_t{0};
+}
 
 /// Removes references to nothing, and keeps the order of the others. Returns how many are left.
 ptrdiff_t RemoveEmpty(std::span<KdReference> references) {
@@ -209,8 +214,15 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
   constexpr UInt8 kLanes{0, 1, 2, 3, 4, 5, 6, 7};
   alignas(32) std::array<int32_t, size_t{8} * kOfAxis> counts{};  // of each bin, eight lanes
   alignas(32) uint32_t places[8];
-  for (size_t i = 0; i < references.size(); i += stride) {
-    Float8 at = (EndsOf(references[i]) - first) * scale;
+  Float8 lowest = Float8{} + kFloatInfinity, highest = Float8{} - kFloatInfinity;
+  size_t uncounted = 1;
+  for (const KdReference& r : references) {
+    const Float8 x = EndsOf(r);
+    lowest = x < lowest ? x : lowest;
+    highest = x > highest ? x : highest;
+    if (--uncounted != 0) continue;
+    uncounted = stride;
+    Float8 at = (x - first) * scale;
     at = at > 0.0f ? at : Float8{};
     at = at < kOfAxis - 1.0f ? at : Float8{} + (kOfAxis - 1.0f);
     const UInt8 place = reinterpret_cast<UInt8>(__builtin_convertvector(at, Int8)) * 8 + kLanes;
@@ -235,12 +247,6 @@ KdSplit KdSplitter::BestBinned(const Box& cell, std::span<const KdReference> ref
   };
   // Planes at the very ends of the references cut off empty space exactly.
   if (!costs_.sampled) {
-    Float8 lowest = Float8{} + kFloatInfinity, highest = Float8{} - kFloatInfinity;
-    for (const KdReference& r : references) {
-      const Float8 x = EndsOf(r);
-      lowest = x < lowest ? x : lowest;
-      highest = x > highest ? x : highest;
-    }
     Float4 below{}, above{};
     for (int axis = 0; axis < 3; ++axis) {
       below[axis] = NextBelow(lowest[axis]);

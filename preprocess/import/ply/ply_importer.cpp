@@ -216,10 +216,11 @@ class PlyBody {
       ++short_faces_;
       return {};
     }
-    corners_.clear();
-    for (const int64_t index : rows_.row.indices) {
+    corners_.resize(rows_.row.indices.size());
+    for (size_t i = 0; i < corners_.size(); ++i) {
+      const int64_t index = rows_.row.indices[i];
       if (!IsVertex(index)) return NoVertex(index);
-      corners_.push_back(MakeCorner(index));
+      corners_[i] = MakeCorner(index);
     }
     uint32_t material, part;
     if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");

@@ -112,8 +112,11 @@ class PlyRowReader {
       if (*at != 3) return false;
       const PlyType type = plan.steps[0].type;
       row.indices.resize(3);
-      for (size_t k = 0; k < 3; ++k)
-        row.indices[k] = static_cast<int64_t>(Source::Load(at + 1 + 4 * k, type));
+      const bool is_signed = type == PlyType::kInt32;
+      for (size_t k = 0; k < 3; ++k) {
+        const auto index = Source::Word(at + 1 + 4 * k);
+        row.indices[k] = is_signed ? int64_t{static_cast<int32_t>(index)} : int64_t{index};
+      }
       at += 13;
       for (size_t i = 1; i < plan.steps.size(); ++i) {
         const PlyStep& step = plan.steps[i];

@@ -114,6 +114,9 @@ class BinaryPlySource {
     return WithType(type, [at](auto kind) { return static_cast<double>(LoadAs<decltype(kind), kSwap>(at)); });
   }
 
+  /// An integer of 32 bits.
+  static uint32_t Word(const char* at) { return LoadAs<uint32_t, kSwap>(at); }
+
   ModelReader& bytes() const { return bytes_; }
   /// Concerns text alone.
   void LookForRows(uint64_t) {}
