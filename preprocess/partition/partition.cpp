@@ -43,8 +43,8 @@ class Partitioner {
       QUARRY_ASSIGN(const std::vector<TriangleRecord> records, LoadRecords(file, first, last));
       std::vector<KdReference> references;
       for (uint32_t i = 0; i < records.size(); ++i) {
-        const Box box =
-            PartIn(records[i], cell, options_.padding).value_or(records[i].PaddedBox(options_.padding));
+        const Box whole = records[i].PaddedBox(options_.padding);
+        const Box box = PartIn(records[i], whole, cell, options_.padding).value_or(whole);
         references.push_back(
             {{box.lower.x, box.lower.y, box.lower.z}, i, {box.upper.x, box.upper.y, box.upper.z}, 0});
       }

@@ -165,8 +165,7 @@ Status RegionFiles::Add(const SpillFile& triangles, uint64_t first, uint64_t las
   return {};
 }
 
-std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding) {
-  Box box = triangle.PaddedBox(padding);
+std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& box, const Box& cell, float padding) {
   const Box inner{glm::max(box.lower, cell.lower), glm::min(box.upper, cell.upper)};
   if (inner.lower == box.lower && inner.upper == box.upper) return box;
   // As KdSplitter cuts: the padding and the largest rounding error.
@@ -175,13 +174,14 @@ std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float
   ClippedTriangle polygon(whole);
   polygon.Clip(cell, growth);
   if (polygon.empty()) return {};
-  const PointBox part = polygon.Bounds();
+  const PointBox bounds = polygon.Bounds();
+  Box part;
   for (int a = 0; a < 3; ++a) {
-    box.lower[a] = std::max(inner.lower[a], static_cast<float>(part.lower[a] - growth));
-    box.upper[a] = std::min(inner.upper[a], static_cast<float>(part.upper[a] + growth));
-    if (!(box.lower[a] <= box.upper[a])) return {};
+    part.lower[a] = std::max(inner.lower[a], static_cast<float>(bounds.lower[a] - growth));
+    part.upper[a] = std::min(inner.upper[a], static_cast<float>(bounds.upper[a] + growth));
+    if (!(part.lower[a] <= part.upper[a])) return {};
   }
-  return box;
+  return part;
 }
 
 }  // namespace quarry

@@ -109,16 +109,17 @@ void ForEachLeaf(const std::vector<KdNode>& nodes, const Box& box, Visit&& visit
   }
 }
 
-/// The padded box of a triangle's part in a cell, clipped to the cell. Nothing: the triangle passes beside
-/// it.
-std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& cell, float padding);
+/// The padded box of a triangle's part in a cell, clipped to the cell. `box`: the triangle's padded box.
+/// Nothing: the triangle passes beside the cell.
+std::optional<Box> PartIn(const TriangleRecord& triangle, const Box& box, const Box& cell, float padding);
 
 /// Calls `visit` with each region that a triangle reaches, and the padded box of its part there.
 template <class Visit>
 void ForEachRegion(const RegionTree& tree, const TriangleRecord& record, float padding, Visit&& visit) {
-  ForEachLeaf(tree.nodes, record.PaddedBox(padding), [&](KdNode leaf) {
+  const Box box = record.PaddedBox(padding);
+  ForEachLeaf(tree.nodes, box, [&](KdNode leaf) {
     if (leaf.count() == 0) return;
-    if (const auto part = PartIn(record, tree.regions[leaf.first()].cell, padding))
+    if (const auto part = PartIn(record, box, tree.regions[leaf.first()].cell, padding))
       visit(leaf.first(), *part);
   });
 }

@@ -111,11 +111,11 @@ namespace {
 constexpr uint16_t kUnseen = 0xFFFF;
 // SAH steps that a byte is worth: saves a quarter of the bytes for a sixtieth of the SAH cost
 // (tests/bench/history/preprocess.md).
-constexpr float kByteWorth = 0.015f;
+constexpr float kByteWorth = 0.01f;
 
 // Extra cost of a triangle in both children: saves a twentieth of the bytes and a tenth of the instructions
 // of the build for a hundredth of the SAH cost (likewise).
-constexpr float kCopyCost = 0.14f;
+constexpr float kCopyCost = 0.1f;
 
 struct VoxelTree {
   KdTree tree;

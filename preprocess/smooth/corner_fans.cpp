@@ -110,9 +110,11 @@ void CornerFans::SolveFan(std::span<const uint32_t> fan, std::vector<CornerNorma
   alignas(32) float x[kMostAround + kLanes], y[kMostAround + kLanes], z[kMostAround + kLanes],
       angles[kMostAround + kLanes];
   alignas(32) int32_t smoothing[kMostAround + kLanes];
-  const size_t filled = (fan.size() + kLanes - 1) / kLanes * kLanes;
-  for (size_t i = 0; i < filled; ++i) {
-    const uint32_t corner = fan[std::min(i, fan.size() - 1)];
+  const size_t last = (fan.size() - 1) / kLanes * kLanes;
+  for (float* column : {x, y, z, angles}) std::fill_n(column + last, kLanes, 0.0f);
+  std::fill_n(smoothing + last, kLanes, 0);
+  for (size_t i = 0; i < fan.size(); ++i) {
+    const uint32_t corner = fan[i];
     const Face& face = faces_[corner >> 2];
     x[i] = face.normal.x;
     y[i] = face.normal.y;

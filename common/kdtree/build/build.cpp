@@ -24,7 +24,7 @@ constexpr size_t kFewReferences = 32;
 constexpr size_t kMostCounted = 1024;
 
 // Least gain of a split, in units of its nodes' worth: splits that gain less are mostly pruned.
-constexpr float kGainAtOnce = 2.0f;
+constexpr float kGainAtOnce = 4.0f;
 
 constexpr float kFloatInfinity = std::numeric_limits<float>::infinity();
 

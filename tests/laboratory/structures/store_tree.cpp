@@ -8,7 +8,7 @@
 namespace quarry::laboratory {
 namespace {
 
-constexpr float kVoxelByteWorth = 0.015f;  // as preprocess/partition/voxel_builder.cpp
+constexpr float kVoxelByteWorth = 0.01f;  // as preprocess/partition/voxel_builder.cpp
 
 /// Puts trees together.
 class Stitcher {
