@@ -81,9 +81,13 @@ BuildStage::BuildStage(const PreprocessOptions& options, WorkFolder& work, Progr
 }
 
 Status BuildStage::Run() {
-  if (scene_.triangles->count() > kMostInMemory) {
+  const uint64_t triangles = scene_.triangles->count();
+  const StageShares shares = StageShares::Of(triangles, scene_.images.size(), triangles <= kMostInMemory);
+  if (triangles > kMostInMemory) {
     QUARRY_TRY(Restore());
+    progress_.BeginStage(shares.dividing);
     QUARRY_TRY(Route());
+    progress_.BeginStage(shares.smoothing);
     if (options_.crease > 0) QUARRY_TRY(SmoothBorders());
   } else {
     tree_ = {{KdNode{}}, {whole_}, {0}};
@@ -93,8 +97,11 @@ Status BuildStage::Run() {
   writer_.emplace(std::move(writer));
   if (options_.crease > 0) writer_->AllowPackedNormals();
   for (const VoxelEntry& v : writer_->directory()) emitted_ += v.triangles;
+  progress_.BeginStage(0);
   QUARRY_TRY(ReadCutOuts());
+  progress_.BeginStage(shares.building);
   QUARRY_TRY(BuildVoxels());
+  progress_.BeginStage(shares.images);
   if (files_ && !scene_.images.empty()) QUARRY_TRY(SaveBuilt(true));
   return textures_.Run(*writer_, progress_, [&](const Bytes& checkpoint) {
     return work_.kept() ? work_.Add(CheckpointKind::kTextures, checkpoint) : Status{};

@@ -20,6 +20,8 @@ ImportStage::ImportStage(const PreprocessOptions& options, WorkFolder& work, Pro
           work.spill_folder(), options.memory, options.scale,
           [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {
   if (options.models.size() > 1) sink_.KeepFilesApart();
+  if (auto preview = PreviewFile::Wanted(options.up_axis, options.up_habit.evidence()))
+    sink_.Preview(std::move(*preview));
 }
 
 Status ImportStage::Restore() {
@@ -55,7 +57,8 @@ Status ImportStage::Restore() {
 
 Result<ImportedScene> ImportStage::Run() {
   for (const std::string& model : options_.models) {
-    if (restored_) break;
+    progress_.BeginStage(StageShares::kReading / static_cast<double>(options_.models.size()));
+    if (restored_) continue;
     const std::string reading = fmt::format("reading {}", model);
     progress_.Say(reading);
     sink_.OnRead([&, begun = false](uint64_t done, uint64_t total) mutable {

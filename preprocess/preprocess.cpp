@@ -85,6 +85,7 @@ Result<PreprocessStatistics> RunIn(Begun& begun, const PreprocessOptions& option
   BuildStage build(options, begun.work, progress, scene);
   QUARRY_TRY(build.Run());
   QUARRY_TRY(build.Finish(statistics));
+  progress.EndStages();
   statistics.build_wall_s = SecondsSince(build_start);
   statistics.preprocess_wall_s = SecondsSince(start);
   statistics.peak_rss_bytes = PeakResidentBytes();

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "common/base/file.h"
 #include "common/base/log.h"
@@ -17,7 +18,7 @@ namespace quarry {
 namespace {
 
 // With less time (s) or less work (fraction) than this, rate and estimate are noise.
-constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005;
+constexpr double kLeastSeconds = 0.5, kLeastFraction = 0.005, kLeastOfStages = 0.03;
 
 }  // namespace
 
@@ -25,19 +26,41 @@ Progress::Progress(bool quiet) : quiet_(quiet), terminal_(::isatty(2) != 0) {
   if (const char* file = std::getenv("QUARRY_PROGRESS_FILE")) file_ = file;
 }
 
+void Progress::BeginStage(double share) {
+  if (!std::exchange(has_stages_, true)) stages_begun_ = Clock::now();
+  stage_begin_ += stage_share_;
+  stage_share_ = share;
+}
+
 void Progress::Begin(std::string phase, std::string unit, uint64_t before) {
   End();
   phase_ = PrintableName(phase);
   unit_ = std::move(unit);
   before_ = before;
-  begun_ = shown_ = Clock::now();
+  begun_ = Clock::now();
+  if (has_stages_) return;
+  shown_ = begun_;
   tenth_ = -1;
   written_ = {};
 }
 
+/// The part that is done: of the phase, or of all stages.
+double Progress::OfWhole(uint64_t done, uint64_t total) {
+  const double of_phase = static_cast<double>(done) / static_cast<double>(total);
+  if (!has_stages_) return of_phase;
+  whole_ = std::max(whole_, std::min(stage_begin_ + stage_share_ * of_phase, 1.0));
+  if (first_whole_ < 0) first_whole_ = whole_;
+  return whole_;
+}
+
 /// Below 0: not known.
 double Progress::SecondsLeft(uint64_t done, uint64_t total) const {
-  const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
+  const double elapsed =
+      std::chrono::duration<double>(Clock::now() - (has_stages_ ? stages_begun_ : begun_)).count();
+  if (has_stages_) {
+    const double made = whole_ - first_whole_;
+    return elapsed < kLeastSeconds || made < kLeastOfStages ? -1 : elapsed * (1 - whole_) / made;
+  }
   if (done <= before_ || total <= before_) return -1;
   const double fraction = static_cast<double>(done - before_) / static_cast<double>(total - before_);
   if (elapsed < kLeastSeconds || fraction < kLeastFraction) return -1;
@@ -48,9 +71,8 @@ void Progress::Write(uint64_t done, uint64_t total) {
   const auto now = Clock::now();
   if (now - written_ < std::chrono::milliseconds(250)) return;
   written_ = now;
-  const double left_s = SecondsLeft(done, total);
-  nlohmann::ordered_json j{{"step", phase_},
-                           {"done", static_cast<double>(done) / static_cast<double>(total)}};
+  const double fraction = OfWhole(done, total), left_s = SecondsLeft(done, total);
+  nlohmann::ordered_json j{{"step", phase_}, {"done", fraction}};
   j["eta_s"] = left_s < 0 ? nlohmann::ordered_json() : nlohmann::ordered_json(left_s);
   // An error is ignored: readers look at the file again, and it is soon rewritten.
   (void)WriteFileAtomically(
@@ -59,27 +81,26 @@ void Progress::Write(uint64_t done, uint64_t total) {
 
 std::string Progress::Details(uint64_t done, uint64_t total) const {
   const double elapsed = std::chrono::duration<double>(Clock::now() - begun_).count();
-  if (done <= before_ || total <= before_) return "";
-  const auto made = static_cast<double>(done - before_);
+  const auto made = static_cast<double>(done - std::min(done, before_));
   const double left_s = SecondsLeft(done, total);
-  if (left_s < 0) return "";
+  const bool has_rate = made > 0 && elapsed >= kLeastSeconds && !unit_.empty();
   std::string text;
-  if (unit_ == "bytes")
+  if (has_rate && unit_ == "bytes")
     text = fmt::format(", {:.0f} MB/s", made / elapsed * 1e-6);
-  else if (!unit_.empty())
+  else if (has_rate)
     text = fmt::format(", {:.2f} million {}/s", made / elapsed * 1e-6, unit_);
-  if (done < total) text += fmt::format(", about {:.0f} s left", left_s);
+  if (left_s >= 0 && (has_stages_ || done < total)) text += fmt::format(", about {:.0f} s left", left_s);
   return text;
 }
 
 void Progress::Update(uint64_t done, uint64_t total) {
   if (total > 0 && !file_.empty()) Write(done, total);
   if (quiet_ || total == 0) return;
-  const double fraction = static_cast<double>(done) / static_cast<double>(total);
+  const double fraction = OfWhole(done, total);
   if (terminal_) {
     const auto now = Clock::now();
     // At most five lines per second on a terminal.
-    if (done < total && now - shown_ < std::chrono::milliseconds(200)) return;
+    if ((has_stages_ || done < total) && now - shown_ < std::chrono::milliseconds(200)) return;
     shown_ = now;
     Show(fmt::format("{:3.0f} %", fraction * 100), Details(done, total));
     open_ = true;
@@ -108,6 +129,15 @@ void Progress::Show(const std::string& state, const std::string& details) {
 }
 
 void Progress::End() {
+  if (!has_stages_) EndLine();
+}
+
+void Progress::EndStages() {
+  EndLine();
+  has_stages_ = false;
+}
+
+void Progress::EndLine() {
   if (open_) {
     Show("done");
     Log("");

@@ -254,6 +254,8 @@ Result<std::string> StoreFor(const std::string& scene, const ImportArguments& im
     return store;
   }
   PrintOnSignal("nothing was rendered");
+  if (!quiet && ::isatty(2) != 0 && !std::getenv("QUARRY_PROGRESS_FILE"))
+    Log(fmt::format("{}: is preprocessed first; quarry view shows a preview of a model meanwhile", scene));
   QUARRY_TRY(Make(scene, import, store, quiet));
   PrintOnSignal(kKeptOnSignal);
   return store;

@@ -27,6 +27,7 @@ class SceneTables {
   /// Starts a model file; parts from here on are the file's.
   void BeginFile(std::string_view name);
   const std::string& file_name() const { return file_name_; }
+  const std::vector<Material>& materials() const { return tables_.materials; }
 
   /// From here on each file is the root of its parts. Before the first file.
   void KeepFilesApart() { files_apart_ = true; }

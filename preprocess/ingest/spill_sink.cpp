@@ -11,6 +11,8 @@
 namespace quarry {
 namespace {
 
+constexpr uint32_t kFacesPerLook = 4096;  // between looks at the clock
+
 /// The step from one float to the next at the triangle's farthest coordinate, and its longest side along an
 /// axis, in scene units.
 std::pair<float, float> StepAndSide(const KdTriangle& triangle) {
@@ -106,6 +108,7 @@ Status SpillSink::NoteShining() {
 Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
   if (corners.size() < 3) return {};
   if (!shining_.empty()) QUARRY_TRY(NoteShining());
+  if (preview_ && ++unshown_ % kFacesPerLook == 0 && preview_->due()) QUARRY_TRY(ShowPreview());
   Face face;
   face.part = part == kNoIndex ? tables_.FilePart() : part;
   // Scenes with more materials than fit are refused by Finish().
@@ -117,9 +120,18 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   return faces_->AddPolygon(face, corners);
 }
 
+/// Shows the triangles so far, once those in work have arrived.
+Status SpillSink::ShowPreview() {
+  QUARRY_TRY(faces_->Settle());
+  preview_->Write(triangles_.result().sample, tables_.materials(), triangles_.input_triangles(), read_part_,
+                  triangles_.result().bounds);
+  return {};
+}
+
 Status SpillSink::EndFile() {
   QUARRY_TRY(faces_->Settle());
   QUARRY_TRY(faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), triangles_));
+  if (preview_) QUARRY_TRY(ShowPreview());
   for (SpillFile* file : faces_->Files()) file->Remove();
   faces_.reset();
   return {};

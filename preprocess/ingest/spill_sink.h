@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -15,6 +17,7 @@
 #include "preprocess/ingest/face_resolver.h"
 #include "preprocess/ingest/image_list.h"
 #include "preprocess/ingest/imported_scene.h"
+#include "preprocess/ingest/preview_file.h"
 #include "preprocess/ingest/scene_coordinates.h"
 #include "preprocess/ingest/scene_tables.h"
 #include "preprocess/ingest/triangle_spill.h"
@@ -77,6 +80,7 @@ class SpillSink final : public ModelSink {
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void Note(std::string message) override { tables_.Note(std::move(message)); }
   void HasRead(uint64_t done, uint64_t total) override {
+    read_part_ = static_cast<double>(done) / static_cast<double>(std::max<uint64_t>(total, 1));
     if (on_read_) on_read_(done, total);
   }
   /// Calls `on_read` with the bytes read of the current file and its size.
@@ -88,6 +92,8 @@ class SpillSink final : public ModelSink {
   /// Takes over the import that Save() made durable. With `routed`, the triangles have been routed to regions
   /// since. Requires: no file has begun. Errors: files are absent or differ.
   Status Restore(std::span<const std::byte> saved, bool routed);
+  /// Shows what is read so far. Requires: no file has begun.
+  void Preview(PreviewFile preview) { preview_ = std::move(preview); }
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const { return triangles_.spills(); }
 
@@ -97,6 +103,7 @@ class SpillSink final : public ModelSink {
 
  private:
   Status NoteShining();
+  Status ShowPreview();
   std::string StatePath() const { return folder_ + "/import-state"; }
 
   std::string folder_;
@@ -112,6 +119,9 @@ class SpillSink final : public ModelSink {
   TriangleSpill triangles_;
   std::unique_ptr<FaceResolver> faces_;  ///< the current file's; absent between files
   std::function<void(uint64_t, uint64_t)> on_read_;
+  std::optional<PreviewFile> preview_;
+  double read_part_ = 0;  ///< of the file's bytes
+  uint32_t unshown_ = 0;  ///< polygons since the last look at the clock
 };
 
 }  // namespace quarry

@@ -12,14 +12,17 @@ void TriangleSample::Keep(const TriangleRecord& record) {
     for (size_t i = 0; i < triangles_.size(); ++i) {
       if ((hashes_[i] & (weight_ - 1)) != 0) continue;
       triangles_[kept] = triangles_[i];
+      looks_[kept] = looks_[i];
       hashes_[kept++] = hashes_[i];
     }
     triangles_.resize(kept);
     hashes_.resize(kept);
+    looks_.resize(kept);
     if ((hash & (weight_ - 1)) != 0) return;
   }
   triangles_.push_back({{record.vertices[0], record.vertices[1], record.vertices[2]}});
   hashes_.push_back(hash);
+  looks_.push_back({record.colors[0], record.material});
 }
 
 void TriangleSample::Save(ByteWriter& out) const {
@@ -34,10 +37,12 @@ void TriangleSample::Restore(ByteReader& in) {
   const auto count = in.Get<uint32_t>();
   hashes_ = in.GetArray<uint32_t>(count);
   triangles_ = in.GetArray<KdTriangle>(count);
+  looks_.assign(count, {});
 }
 
 std::vector<KdTriangle> TriangleSample::TakeTriangles() {
   hashes_ = {};
+  looks_ = {};
   return std::exchange(triangles_, {});
 }
 

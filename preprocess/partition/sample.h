@@ -9,6 +9,12 @@
 
 namespace quarry {
 
+/// How a sampled triangle looks.
+struct SampledLook {
+  uint32_t color = 0;  ///< of its first corner, packed, see ShadingVertex
+  uint16_t material = 0;
+};
+
 /// A sample of triangles, each standing for weight() triangles, from which region planes are chosen. The
 /// choice depends on ids alone, never on their order. Memory: kMost triangles. Thread safety: none.
 class TriangleSample {
@@ -21,6 +27,8 @@ class TriangleSample {
   /// Triangles that a sampled triangle stands for: 1 while all are kept, then a power of two.
   uint64_t weight() const { return weight_; }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }
+  /// Of the same triangles. Not saved.
+  const std::vector<SampledLook>& looks() const { return looks_; }
   std::vector<KdTriangle> TakeTriangles();
 
   void Save(ByteWriter& out) const;
@@ -37,6 +45,7 @@ class TriangleSample {
 
   std::vector<KdTriangle> triangles_;
   std::vector<uint32_t> hashes_;  ///< of the triangles' ids
+  std::vector<SampledLook> looks_;
   uint32_t weight_ = 1;
 };
 

@@ -1,13 +1,18 @@
-// The page of a model that is being preprocessed: shows the progress, and becomes the viewer at the end.
+// The page of a model that is being preprocessed: shows the progress and a preview, and becomes the viewer at the end, in
+// the same document and with the same camera.
 
 import { removeToken } from './link.js';
+import { Preview } from './preview.js';
 
 const $ = (id) => document.getElementById(id);
-const EVERY_MS = 1000;
+const EVERY_MS = 1000, EARLY_MS = 250, EARLY_FOR_MS = 15000;
 
 removeToken();
 
 const ask = (path) => fetch(new URL(path, document.baseURI), { cache: 'no-store' });
+const began = performance.now();
+let preview = null;  // false: this browser cannot draw it
+let drawn = '';  // the state of the discs that are shown
 
 function remaining(seconds) {
   if (!Number.isFinite(seconds)) return '';
@@ -36,21 +41,71 @@ async function isReady() {
   }
 }
 
+/// Shows the discs of what has been read, if there are newer ones.
+async function look() {
+  if (preview === false) return;
+  const answer = await ask(`discs?seen=${drawn}`);
+  if (answer.status !== 200) return;  // 204: nothing new
+  const buffer = await answer.arrayBuffer();
+  try {
+    $('stage').hidden = false;
+    preview ??= new Preview($('stage'));
+  } catch (error) {
+    preview = false;
+    $('stage').hidden = true;
+    $('shown').textContent = `No preview: ${error.message}`;
+    return;
+  }
+  const discs = preview.take(buffer);
+  if (!discs) return;
+  drawn = answer.headers.get('ETag');
+  document.body.className = 'viewer previewing';
+  $('shown').textContent = `Preview, ${discs.count.toLocaleString('en')} of ${discs.triangles.toLocaleString('en')} triangles read`;
+}
+
+/// Puts the viewer in the place of this page. The preview stays behind its picture until there is one.
+async function become() {
+  const answer = await ask('');
+  const page = new DOMParser().parseFromString(await answer.text(), 'text/html');
+  const isViewer = answer.ok && page.querySelector('script[src="main.js"]');
+  if (!isViewer || !preview?.isShown) return location.reload();
+  const canvas = $('discs');
+  history.replaceState(null, '', location.pathname + location.search + preview.fragment());
+  document.title = page.title;
+  document.body.className = page.body.className;
+  document.body.replaceChildren(...document.adoptNode(page.body).childNodes);
+  $('stage').prepend(canvas);
+  const picture = $('picture');
+  new MutationObserver((_, observer) => {
+    if (picture.width <= 1) return;
+    observer.disconnect();
+    requestAnimationFrame(() => canvas.remove());
+  }).observe(picture, { attributes: true });
+  await import(new URL('main.js', document.baseURI));
+}
+
+/// Asks once. Returns whether the page is done.
 async function poll() {
   try {
     const answer = await ask('progress');
-    if (answer.ok) return show(await answer.json());
+    if (answer.ok) {
+      show(await answer.json());
+      await look();
+      return false;
+    }
   } catch {
     $('numbers').textContent = 'Waiting for the server.';
   }
-  if (await isReady()) location.reload();
+  if (!await isReady()) return false;
+  await become();
+  return true;
 }
 
 /// Polls again and again; a slow answer delays the next question.
 async function run() {
-  for (;;) {
-    await poll();
-    await new Promise((resolve) => setTimeout(resolve, EVERY_MS));
+  while (!await poll()) {
+    const pause = performance.now() - began < EARLY_FOR_MS ? EARLY_MS : EVERY_MS;
+    await new Promise((resolve) => setTimeout(resolve, pause));
   }
 }
 run();

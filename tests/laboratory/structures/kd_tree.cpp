@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/kdtree/build/reference_stacks.h"
 #include "common/math/next_float.h"
 
 namespace quarry::laboratory {
@@ -18,12 +19,14 @@ constexpr int kBadRefines = 3;
 class FoleyBuilder {
  public:
   FoleyBuilder(std::span<const KdTriangle> triangles, float padding, const Box& box)
-      : splitter_(triangles, padding, box, SahCosts{}), references_(splitter_.ReferencesIn(box)) {}
+      : splitter_(triangles, padding, box, SahCosts{}) {}
 
   KdTree Build(const Box& box) {
-    const int log2 = references_.empty() ? 0 : std::bit_width(references_.size()) - 1;
+    const ReferenceRange root = stacks_.Start(splitter_.ReferencesIn(box));
+    const size_t count = stacks_.Of(root).size();
+    const int log2 = count == 0 ? 0 : std::bit_width(count) - 1;
     tree_.nodes.resize(1);
-    Node(0, 0, box, static_cast<int>(std::lround(8 + 1.3f * static_cast<float>(log2))), 0);
+    Node(0, root, box, static_cast<int>(std::lround(8 + 1.3f * static_cast<float>(log2))), 0);
     return std::move(tree_);
   }
 
@@ -34,40 +37,40 @@ class FoleyBuilder {
     bool ends;
   };
 
-  /// Takes the references from `begin` on.
-  void Node(uint32_t at, size_t begin, const Box& box, int depth, int bad_refines) {
-    const size_t count = references_.size() - begin;
-    if (count <= kMostInLeaf || depth == 0) return Leaf(at, begin);
-    const KdSplit split = Choose(begin, box);
-    if (split.axis < 0) return Leaf(at, begin);
+  /// Takes the references of `range`.
+  void Node(uint32_t at, ReferenceRange range, const Box& box, int depth, int bad_refines) {
+    const size_t count = stacks_.Of(range).size();
+    if (count <= kMostInLeaf || depth == 0) return Leaf(at, range);
+    const KdSplit split = Choose(stacks_.Of(range), box);
+    if (split.axis < 0) return Leaf(at, range);
     const float uncut = kIntersect * static_cast<float>(count);
     if (split.cost > uncut) ++bad_refines;
-    if ((split.cost > 4 * uncut && count < kFew) || bad_refines == kBadRefines) return Leaf(at, begin);
-    const size_t left_begin = splitter_.Divide(references_, begin, box, split);
+    if ((split.cost > 4 * uncut && count < kFew) || bad_refines == kBadRefines) return Leaf(at, range);
+    const auto [left_range, right_range] = splitter_.Divide(stacks_, range, box, split);
     const auto left = static_cast<uint32_t>(tree_.nodes.size());
     tree_.nodes.resize(tree_.nodes.size() + 2);
     tree_.nodes[at] = KdNode::Inner(split.axis, split.position, left);
     Box left_box = box, right_box = box;
     left_box.upper[split.axis] = right_box.lower[split.axis] = split.position;
-    Node(left, left_begin, left_box, depth - 1, bad_refines);
-    Node(left + 1, begin, right_box, depth - 1, bad_refines);
+    Node(left, left_range, left_box, depth - 1, bad_refines);
+    Node(left + 1, right_range, right_box, depth - 1, bad_refines);
   }
 
   /// The cheapest plane across the longest side; across the others where that one has none.
-  KdSplit Choose(size_t begin, const Box& box) {
+  KdSplit Choose(std::span<const KdReference> references, const Box& box) {
     const float x = box.extent(0), y = box.extent(1), z = box.extent(2);
     int axis = x > y && x > z ? 0 : y > z ? 1 : 2;
     KdSplit best;
     for (int tries = 0; tries < 3 && best.axis < 0; ++tries, axis = (axis + 1) % 3)
-      Weigh(begin, box, axis, best);
+      Weigh(references, box, axis, best);
     return best;
   }
 
-  void Weigh(size_t begin, const Box& box, int axis, KdSplit& best) {
+  void Weigh(std::span<const KdReference> references, const Box& box, int axis, KdSplit& best) {
     edges_.clear();
-    for (size_t k = begin; k < references_.size(); ++k) {
-      edges_.push_back({NextBelow(references_[k].lower[axis]), false});
-      edges_.push_back({NextAbove(references_[k].upper[axis]), true});
+    for (const KdReference& r : references) {
+      edges_.push_back({NextBelow(r.lower[axis]), false});
+      edges_.push_back({NextAbove(r.upper[axis]), true});
     }
     std::ranges::sort(edges_, [](const Edge& a, const Edge& b) {
       return a.position != b.position ? a.position < b.position : a.ends < b.ends;
@@ -75,7 +78,7 @@ class FoleyBuilder {
     const float e1 = box.extent((axis + 1) % 3), e2 = box.extent((axis + 2) % 3);
     const auto area = [&](float extent) { return e1 * e2 + extent * (e1 + e2); };
     const float whole = area(box.extent(axis));
-    size_t below = 0, above = references_.size() - begin;
+    size_t below = 0, above = references.size();
     for (const Edge& edge : edges_) {
       if (edge.ends) --above;
       if (edge.position > box.lower[axis] && edge.position < box.upper[axis]) {
@@ -85,21 +88,22 @@ class FoleyBuilder {
                              (area(edge.position - box.lower[axis]) * static_cast<float>(below) +
                               area(box.upper[axis] - edge.position) * static_cast<float>(above)) /
                              whole;
-        if (cost < best.cost) best = {cost, edge.position, axis};
+        if (cost < best.cost) best = {.cost = cost, .position = edge.position, .axis = axis};
       }
       if (!edge.ends) ++below;
     }
   }
 
-  void Leaf(uint32_t at, size_t begin) {
+  void Leaf(uint32_t at, ReferenceRange range) {
+    const std::span<const KdReference> references = stacks_.Of(range);
     const auto first = static_cast<uint32_t>(tree_.references.size());
-    for (size_t k = begin; k < references_.size(); ++k) tree_.references.push_back(references_[k].triangle);
-    tree_.nodes[at] = KdNode::Leaf(first, static_cast<uint32_t>(references_.size() - begin));
-    references_.resize(begin);
+    for (const KdReference& r : references) tree_.references.push_back(r.triangle);
+    tree_.nodes[at] = KdNode::Leaf(first, static_cast<uint32_t>(references.size()));
+    stacks_.Drop(range);
   }
 
   KdSplitter splitter_;
-  std::vector<KdReference> references_;
+  ReferenceStacks stacks_;
   std::vector<Edge> edges_;
   KdTree tree_;
 };

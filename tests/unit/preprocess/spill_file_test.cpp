@@ -194,11 +194,14 @@ TEST_CASE("Headers of a spill file's blocks are checked", "[resume]") {
 
 TEST_CASE("A writer that fails returns its error to all waiting threads") {
   SpillWriter writer;
-  std::vector<std::byte> block(10);
+  SpillBlock block;
+  block.MakeRoom(10);
+  block.size = 10;
   int written = 0;
   REQUIRE(writer.Give(block, [](std::span<const std::byte>) -> Status { return Fail("full"); }));
   CHECK_FALSE(writer.Wait().has_value());
-  block.resize(10);
+  block.MakeRoom(10);
+  block.size = 10;
   CHECK_FALSE(writer
                   .Give(block,
                         [&](std::span<const std::byte>) {

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "common/kdtree/build/build.h"
+#include "common/scene/material.h"
+#include "preprocess/partition/sample.h"
+
+namespace quarry {
+
+/// What is read of a model so far, for those who wait: its sample as discs, in the file beside
+/// QUARRY_PROGRESS_FILE with the suffix .discs, for the page of `quarry view`. A sampled triangle becomes a
+/// disc of the area that it stands for. The file is replaced whole, at most every quarter of a second, and so
+/// seldom that writing takes a twentieth of the time. Its layout: master/display/PROTOCOL.md. Thread safety:
+/// none.
+class PreviewFile {
+ public:
+  /// The file that the environment asks for; nothing: none. `up_axis`: 1 y, 2 z, 0 guessed, with `habit` as
+  /// evidence beside the triangles'.
+  static std::optional<PreviewFile> Wanted(uint32_t up_axis, double habit);
+
+  /// Whether it is time to write.
+  bool due() const { return Clock::now() >= next_; }
+  /// Writes the discs. `read`: triangles so far. `part`: of the files' bytes. `bounds`: of the triangles. An
+  /// error is ignored: the file is soon replaced.
+  void Write(const TriangleSample& sample, std::span<const Material> materials, uint64_t read, double part,
+             const Box& bounds);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  PreviewFile(std::string path, uint32_t up_axis, double habit)
+      : path_(std::move(path)), up_axis_(up_axis), habit_(habit) {}
+  uint32_t UpAxisOf(const TriangleSample& sample) const;
+
+  std::string path_;
+  uint32_t up_axis_;
+  double habit_;
+  Clock::time_point next_;
+};
+
+}  // namespace quarry

@@ -1,0 +1,40 @@
+#include "common/base/progress.h"
+
+#include <catch2/catch.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/temporary_folder.h"
+
+namespace quarry {
+namespace {
+
+/// What the progress file says after a first update in a stage.
+double DoneOf(const std::string& file) {
+  std::ifstream in(file);
+  return nlohmann::json::parse(in)["done"].get<double>();
+}
+
+}  // namespace
+
+TEST_CASE("Stages make up one whole, whose part never falls", "[base]") {
+  const test::TemporaryFolder folder;
+  const std::string file = folder.file("progress");
+  ::setenv("QUARRY_PROGRESS_FILE", file.c_str(), 1);
+  const auto after = [&](auto&& use) {
+    std::filesystem::remove(file);
+    Progress progress(true);
+    use(progress);
+    return DoneOf(file);
+  };
+  CHECK(after([](Progress& p) { p.Begin("alone"), p.Update(1, 4); }) == Approx(0.25));
+  CHECK(after([](Progress& p) {
+          p.BeginStage(0.2), p.BeginStage(0.6);
+          p.Begin("second"), p.Update(1, 4);
+        }) == Approx(0.35));
+  ::unsetenv("QUARRY_PROGRESS_FILE");
+}
+
+}  // namespace quarry
