@@ -81,13 +81,19 @@ void PreviewFile::Write(const TriangleSample& sample, std::span<const Material> 
   };
   std::vector<Disc> discs;
   discs.reserve(triangles.size());
+  constexpr double kWidest = 1.0 / 150;  // of the model's diagonal
+  const double widest = kWidest * glm::length(glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower));
   for (size_t i = 0; i < triangles.size(); ++i) {
     const glm::vec3(&v)[3] = triangles[i].vertices;
     const glm::dvec3 across =
         glm::cross(glm::dvec3(v[1]) - glm::dvec3(v[0]), glm::dvec3(v[2]) - glm::dvec3(v[0]));
-    const double length = glm::length(across), area = length / 2 * static_cast<double>(sample.weight());
-    discs.push_back({(v[0] + v[1] + v[2]) / 3.0f, static_cast<float>(std::sqrt(area / kPi)),
-                     Packed(across / length), ColorOf(sample.looks()[i], materials)});
+    const double length = glm::length(across);
+    // A large triangle stands for itself: few are like it, and its disc would hide the rest.
+    const double own = std::sqrt(length / 2 / kPi),
+                 wanted = own * std::sqrt(static_cast<double>(sample.weight()));
+    const double radius = std::min(wanted, std::max(own, widest));
+    discs.push_back({(v[0] + v[1] + v[2]) / 3.0f, static_cast<float>(radius), Packed(across / length),
+                     ColorOf(sample.looks()[i], materials)});
   }
   out.PutArray(discs);
   // Not durable, unlike other files: it is worth nothing after a loss of power.

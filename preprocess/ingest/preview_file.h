@@ -15,9 +15,9 @@ namespace quarry {
 
 /// What is read of a model so far, for those who wait: its sample as discs, in the file beside
 /// QUARRY_PROGRESS_FILE with the suffix .discs, for the page of `quarry view`. A sampled triangle becomes a
-/// disc of the area that it stands for. The file is replaced whole, at most every quarter of a second, and so
-/// seldom that writing takes a twentieth of the time. Its layout: master/display/PROTOCOL.md. Thread safety:
-/// none.
+/// disc of the area that it stands for, unless that is wide: then of its own. The file is replaced whole, at
+/// most every quarter of a second, and so seldom that writing takes a twentieth of the time. Its layout:
+/// master/display/PROTOCOL.md. Thread safety: none.
 class PreviewFile {
  public:
   /// The file that the environment asks for; nothing: none. `up_axis`: 1 y, 2 z, 0 guessed, with `habit` as

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <memory>
 #include <span>
 #include <string>
@@ -52,11 +51,7 @@ class SpillFile {
     const size_t size = element_bytes_;
     if (buffer_.size + size > buffer_.room) [[unlikely]]
       QUARRY_TRY(MakeRoom());
-    std::byte* const place = buffer_.bytes.get() + buffer_.size;
-    if (size == kUsualBytes)
-      std::memcpy(place, element, kUsualBytes);
-    else
-      std::memcpy(place, element, size);
+    CopyElement(element, size, buffer_.bytes.get() + buffer_.size);
     buffer_.size += size;
     ++count_;
     return {};
@@ -106,8 +101,7 @@ class SpillFile {
     void ForgetBlocks();
   };
   SpillFile(std::string path, size_t element_bytes, const Options& options);
-  /// Bytes of most elements: triangles without attributes. A copy of a known number of bytes needs no call.
-  static constexpr size_t kUsualBytes = 48;
+  [[gnu::noinline]] static void CopyElement(const void* element, size_t bytes, std::byte* place);
   Status MakeRoom();
   Status Settle() const;
   size_t BlockOf(uint64_t element) const;

@@ -26,6 +26,12 @@ function show({ step, done, eta_s: eta, message, failed }) {
   $('title').textContent = failed ? 'The model could not be prepared' : 'The model is being prepared';
   $('step').textContent = step;
   $('message').textContent = message ?? '';
+  if (failed) {
+    document.body.className = 'notice';
+    $('stage').hidden = true;
+    $('shown').textContent = '';
+    preview = false;
+  }
   $('bar').hidden = failed;
   $('bar').value = done;
   $('numbers').textContent = failed ? '' : [`${Math.floor(done * 100)} %`, remaining(eta ?? NaN)].filter(Boolean).join(', ');
