@@ -18,10 +18,9 @@ ImportStage::ImportStage(const PreprocessOptions& options, WorkFolder& work, Pro
       progress_(progress),
       sink_(
           work.spill_folder(), options.memory, options.scale,
-          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures) {
+          [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures,
+          PreviewFile::Wanted(options.up_axis, options.up_habit.evidence())) {
   if (options.models.size() > 1) sink_.KeepFilesApart();
-  if (auto preview = PreviewFile::Wanted(options.up_axis, options.up_habit.evidence()))
-    sink_.Preview(std::move(*preview));
 }
 
 Status ImportStage::Restore() {

@@ -60,20 +60,20 @@ uint32_t PreviewFile::UpAxisOf(const TriangleSample& sample) const {
   return UpEvidence(some) + habit_ > 0 ? 1 : 2;
 }
 
-void PreviewFile::Write(const TriangleSample& sample, std::span<const Material> materials, uint64_t read,
-                        double part, const Box& bounds) {
+void PreviewFile::Write(const ImportedTriangles& imported, std::span<const Material> materials, double part) {
   constexpr auto kLeastPause = std::chrono::milliseconds(250);
+  const TriangleSample& sample = imported.sample;
   const std::vector<KdTriangle>& triangles = sample.triangles();
   if (triangles.empty()) return;
   const auto begun = Clock::now();
   ByteWriter out;
   out.Put(kMagic);
   out.Put(static_cast<uint32_t>(triangles.size()));
-  out.Put(read);
+  out.Put(imported.input_triangles);
   out.Put(static_cast<float>(part));
   out.Put(UpAxisOf(sample));
-  out.PutVec3(bounds.lower);
-  out.PutVec3(bounds.upper);
+  out.PutVec3(imported.bounds.lower);
+  out.PutVec3(imported.bounds.upper);
   struct Disc {
     glm::vec3 centre;
     float radius;
@@ -82,7 +82,8 @@ void PreviewFile::Write(const TriangleSample& sample, std::span<const Material> 
   std::vector<Disc> discs;
   discs.reserve(triangles.size());
   constexpr double kWidest = 1.0 / 150;  // of the model's diagonal
-  const double widest = kWidest * glm::length(glm::dvec3(bounds.upper) - glm::dvec3(bounds.lower));
+  const double widest =
+      kWidest * glm::length(glm::dvec3(imported.bounds.upper) - glm::dvec3(imported.bounds.lower));
   for (size_t i = 0; i < triangles.size(); ++i) {
     const glm::vec3(&v)[3] = triangles[i].vertices;
     const glm::dvec3 across =

@@ -7,9 +7,8 @@
 #include <span>
 #include <string>
 
-#include "common/kdtree/build/build.h"
 #include "common/scene/material.h"
-#include "preprocess/partition/sample.h"
+#include "preprocess/ingest/imported_scene.h"
 
 namespace quarry {
 
@@ -26,10 +25,9 @@ class PreviewFile {
 
   /// Whether it is time to write.
   bool due() const { return Clock::now() >= next_; }
-  /// Writes the discs. `read`: triangles so far. `part`: of the files' bytes. `bounds`: of the triangles. An
-  /// error is ignored: the file is soon replaced.
-  void Write(const TriangleSample& sample, std::span<const Material> materials, uint64_t read, double part,
-             const Box& bounds);
+  /// Writes the discs of the triangles so far. `part`: of the file that is read, in bytes. An error is
+  /// ignored: the file is soon replaced.
+  void Write(const ImportedTriangles& triangles, std::span<const Material> materials, double part);
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -53,14 +53,16 @@ void WarnOfLoss(const std::vector<KdTriangle>& sample, const SceneCoordinates& c
 }  // namespace
 
 SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
-                     std::function<void(const std::string&)> warn, bool textures)
+                     std::function<void(const std::string&)> warn, bool textures,
+                     std::optional<PreviewFile> preview)
     : folder_(std::move(folder)),
       memory_(memory),
       textures_(textures),
       coordinates_(scale),
       tables_(std::move(warn)),
       images_(folder_ + "/images"),
-      triangles_(folder_) {}
+      triangles_(folder_),
+      preview_(std::move(preview)) {}
 
 Status SpillSink::BeginFile(std::string_view name) {
   tables_.BeginFile(name);
@@ -108,7 +110,10 @@ Status SpillSink::NoteShining() {
 Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) {
   if (corners.size() < 3) return {};
   if (!shining_.empty()) QUARRY_TRY(NoteShining());
-  if (preview_ && ++unshown_ % kFacesPerLook == 0 && preview_->due()) QUARRY_TRY(ShowPreview());
+  if (preview_ && ++unshown_ % kFacesPerLook == 0 && preview_->due()) {
+    QUARRY_TRY(faces_->Settle());  // the sample belongs to the thread that resolves
+    preview_->Write(triangles_.result(), tables_.materials(), read_part_);
+  }
   Face face;
   face.part = part == kNoIndex ? tables_.FilePart() : part;
   // Scenes with more materials than fit are refused by Finish().
@@ -120,18 +125,10 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   return faces_->AddPolygon(face, corners);
 }
 
-/// Shows the triangles so far, once those in work have arrived.
-Status SpillSink::ShowPreview() {
-  QUARRY_TRY(faces_->Settle());
-  preview_->Write(triangles_.result().sample, tables_.materials(), triangles_.input_triangles(), read_part_,
-                  triangles_.result().bounds);
-  return {};
-}
-
 Status SpillSink::EndFile() {
   QUARRY_TRY(faces_->Settle());
   QUARRY_TRY(faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), triangles_));
-  if (preview_) QUARRY_TRY(ShowPreview());
+  if (preview_) preview_->Write(triangles_.result(), tables_.materials(), read_part_);
   for (SpillFile* file : faces_->Files()) file->Remove();
   faces_.reset();
   return {};

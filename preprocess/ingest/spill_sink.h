@@ -36,9 +36,9 @@ namespace quarry {
 class SpillSink final : public ModelSink {
  public:
   /// Units: memory in bytes; scale multiplies positions, after Place(). `warn` is called with each warning.
-  /// Without `textures`, materials get no images.
+  /// Without `textures`, materials get no images. `preview` shows what is read so far.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn,
-            bool textures = true);
+            bool textures = true, std::optional<PreviewFile> preview = {});
   SpillSink(const SpillSink&) = delete;
 
   /// Has the files that begin after this be the roots of their parts.
@@ -92,8 +92,6 @@ class SpillSink final : public ModelSink {
   /// Takes over the import that Save() made durable. With `routed`, the triangles have been routed to regions
   /// since. Requires: no file has begun. Errors: files are absent or differ.
   Status Restore(std::span<const std::byte> saved, bool routed);
-  /// Shows what is read so far. Requires: no file has begun.
-  void Preview(PreviewFile preview) { preview_ = std::move(preview); }
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const { return triangles_.spills(); }
 
@@ -103,7 +101,6 @@ class SpillSink final : public ModelSink {
 
  private:
   Status NoteShining();
-  Status ShowPreview();
   std::string StatePath() const { return folder_ + "/import-state"; }
 
   std::string folder_;

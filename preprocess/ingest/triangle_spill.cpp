@@ -82,9 +82,7 @@ Status TriangleSpill::Add(TriangleRecord& record) {
   out_.dropped_degenerate += fault == TriangleFault::kDegenerate;
   parts_.Add(record, fault);
   if (fault != TriangleFault::kNone) return {};
-  const Box box = record.PaddedBox(0);
-  out_.bounds.Include(box.lower);
-  out_.bounds.Include(box.upper);
+  out_.bounds.IncludeBox(record.PaddedBox(0));
   out_.sample.Add(record);
   if (!emitters_.empty()) emitters_.Add(record);
   if (out_.attributes >= Attributes::kNormals) MarkOwnNormals(record);

@@ -142,7 +142,7 @@ class RegionPipeline {
     waiting_.push_back({region, open.delivered + open.voxels.size() - 1, std::move(task)});
     changed_.notify_all();
     while (!ends_ && waiting_.size() > most_waiting_) BuildFirst(lock);
-    // What a large region has made must not fill the memory.
+    // The voxels of a large region must not fill the memory.
     if (triangles_[region] > kMostInMemory)
       while (!ends_ && open.voxels.size() > 2 * most_waiting_) {
         if (waiting_.empty())

@@ -11,7 +11,7 @@
 
 namespace quarry {
 
-/// What is done with regions, and by which thread.
+/// The work on regions, and the threads that do it.
 struct RegionWork {
   /// Cuts a region into voxels and gives them to `emit` in order. By any thread, several regions at a time.
   std::function<Result<TopSubtree>(size_t region, const std::function<Status(VoxelTask)>& emit)> cut;
@@ -25,7 +25,7 @@ struct RegionWork {
 
 struct RegionLimits {
   unsigned threads = 1;
-  /// Triangles of the regions at work and of those that wait for delivery, unless there is one region alone.
+  /// Triangles of all regions that have begun and are not delivered, unless it is one region alone.
   uint64_t triangles = 0;
 };
 

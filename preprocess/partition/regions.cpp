@@ -136,8 +136,7 @@ RegionFiles::Routed RegionFiles::Route(const SpillFile& triangles, uint64_t firs
   for (uint32_t i = 0; i < count; ++i) {
     CopyRecord(&routed.records[i * size], size, record);
     ForEachRegion(*tree_, record, padding, [&](uint32_t region, const Box& part) {
-      contents_[region].Include(part.lower);
-      contents_[region].Include(part.upper);
+      contents_[region].IncludeBox(part);
       routed.places.push_back({region, i});
     });
   }

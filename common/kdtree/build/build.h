@@ -22,6 +22,13 @@ struct Box {
       upper[a] = p[a] > upper[a] ? p[a] : upper[a];
     }
   }
+  /// Requires: `other` is not empty.
+  void IncludeBox(const Box& other) {
+    for (int a = 0; a < 3; ++a) {
+      lower[a] = other.lower[a] < lower[a] ? other.lower[a] : lower[a];
+      upper[a] = other.upper[a] > upper[a] ? other.upper[a] : upper[a];
+    }
+  }
   float extent(int axis) const { return upper[axis] - lower[axis]; }
   float half_area() const {
     const float x = extent(0), y = extent(1), z = extent(2);
