@@ -60,7 +60,8 @@ uint32_t PreviewFile::UpAxisOf(const TriangleSample& sample) const {
   return UpEvidence(some) + habit_ > 0 ? 1 : 2;
 }
 
-void PreviewFile::Write(const ImportedTriangles& imported, std::span<const Material> materials, double part) {
+void PreviewFile::Write(const ImportedTriangles& imported, std::span<const Material> materials, double part,
+                        const glm::dvec3& offset) {
   constexpr auto kLeastPause = std::chrono::milliseconds(250);
   const TriangleSample& sample = imported.sample;
   const std::vector<KdTriangle>& triangles = sample.triangles();
@@ -74,6 +75,7 @@ void PreviewFile::Write(const ImportedTriangles& imported, std::span<const Mater
   out.Put(UpAxisOf(sample));
   out.PutVec3(imported.bounds.lower);
   out.PutVec3(imported.bounds.upper);
+  out.PutVec3(offset);
   struct Disc {
     glm::vec3 centre;
     float radius;

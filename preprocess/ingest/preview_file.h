@@ -25,9 +25,10 @@ class PreviewFile {
 
   /// Whether it is time to write.
   bool due() const { return Clock::now() >= next_; }
-  /// Writes the discs of the triangles so far. `part`: of the file that is read, in bytes. An error is
-  /// ignored: the file is soon replaced.
-  void Write(const ImportedTriangles& triangles, std::span<const Material> materials, double part);
+  /// Writes the discs of the triangles so far. `part`: of the file that is read, in bytes. `offset`: from the
+  /// triangles' coordinates to the scene's. An error is ignored: the file is soon replaced.
+  void Write(const ImportedTriangles& triangles, std::span<const Material> materials, double part,
+             const glm::dvec3& offset);
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -112,7 +112,7 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   if (!shining_.empty()) QUARRY_TRY(NoteShining());
   if (preview_ && ++unshown_ % kFacesPerLook == 0 && preview_->due()) {
     QUARRY_TRY(faces_->Settle());  // the sample belongs to the thread that resolves
-    preview_->Write(triangles_.result(), tables_.materials(), read_part_);
+    preview_->Write(triangles_.result(), tables_.materials(), read_part_, coordinates_.offset());
   }
   Face face;
   face.part = part == kNoIndex ? tables_.FilePart() : part;
@@ -128,7 +128,6 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
 Status SpillSink::EndFile() {
   QUARRY_TRY(faces_->Settle());
   QUARRY_TRY(faces_->waiting().Resolve(faces_->vertices(), memory_, tables_.file_name(), triangles_));
-  if (preview_) preview_->Write(triangles_.result(), tables_.materials(), read_part_);
   for (SpillFile* file : faces_->Files()) file->Remove();
   faces_.reset();
   return {};
@@ -178,6 +177,7 @@ Result<ImportedScene> SpillSink::Finish() {
                                            : fmt::format("; positions are kept to {:.2g} so far from "
                                                          "the origin",
                                                          2 * coordinates_.largest_loss())));
+  if (preview_) preview_->Write(kept, tables_.materials(), 1, coordinates_.offset());
   WarnOfLoss(kept.sample.triangles(), coordinates_, tables_);
   ImportedScene scene{triangles_.Take(), tables_.Take(), coordinates_.offset(), {}};
   triangles_.TakeParts().GiveTo(scene.parts.facts);

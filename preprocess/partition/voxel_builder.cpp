@@ -109,12 +109,9 @@ uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size, bool masks) {
 namespace {
 
 constexpr uint16_t kUnseen = 0xFFFF;
-// SAH steps that a byte is worth: saves a quarter of the bytes for a sixtieth of the SAH cost
-// (tests/bench/history/preprocess.md).
+// SAH steps that a byte is worth, and the extra cost of a triangle in both children. Both save bytes and work
+// for a hundredth of the SAH cost (tests/bench/history/preprocess.md, 2026-11-29).
 constexpr float kByteWorth = 0.01f;
-
-// Extra cost of a triangle in both children: saves a twentieth of the bytes and a tenth of the instructions
-// of the build for a hundredth of the SAH cost (likewise).
 constexpr float kCopyCost = 0.1f;
 
 struct VoxelTree {

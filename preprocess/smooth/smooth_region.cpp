@@ -22,7 +22,7 @@ class RegionNormals {
   RegionNormals(const Box& cell, const SpillFile* border, double crease)
       : cell_(cell), border_(border), fans_(crease) {}
 
-  /// `triangles`: of a pass, at most.
+  /// `triangles`: of a pass, about; room is made for them.
   Status Begin(const HashShare& share, size_t triangles = 0) {
     share_ = share;
     fans_.Clear();

@@ -6,19 +6,29 @@ import path from 'node:path';
 import { spawn, spawnSync } from 'node:child_process';
 import { after, before, test } from 'node:test';
 import { BIN } from './cluster.mjs';
-import { apart, errors, launch, open, shoot, viewOf } from './viewing.mjs';
+import { SIZE, apart, errors, launch, open, shoot, viewOf, visit } from './viewing.mjs';
 
 // Software draws the discs: the machine may have no graphics card.
 const DRAWS = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist'];
 const folder = fs.mkdtempSync(path.join(os.tmpdir(), 'quarry-preview-'));
 const model = path.join(folder, 'plant.ply');
 const cache = path.join(folder, 'cache');
+const AWAY = 500000;
 let browser;
 const running = [];
+
+/** Moves a model so far from the origin that its scene has an offset: x of each vertex, in place. */
+function moveAway(of) {
+  const bytes = fs.readFileSync(of), header = bytes.indexOf('end_header\n') + 'end_header\n'.length;
+  const count = Number(/element vertex (\d+)/.exec(bytes.toString('latin1', 0, header))[1]), vertex = 15;  // three floats, three bytes
+  for (let at = header; at < header + count * vertex; at += vertex) bytes.writeFloatLE(bytes.readFloatLE(at) + AWAY, at);
+  fs.writeFileSync(of, bytes);
+}
 
 before(async () => {
   const made = spawnSync(path.join(BIN, 'quarry-scene'), ['plant', '--triangles', '2000000', '-o', model, '--quiet'], { encoding: 'utf8' });
   assert.equal(made.status, 0, made.stderr);
+  moveAway(model);
   browser = await launch(DRAWS);
 });
 after(async () => {
@@ -58,6 +68,7 @@ test('a preview is drawn while the model is read, and becomes the viewer with it
   assert.ok(await page.evaluate(() => window.sameDocument), 'nothing was reloaded');
   const from = new URLSearchParams((await page.evaluate(() => location.hash)).slice(1));
   const { camera } = await viewOf(page);
+  assert.ok(Math.abs(camera.at[0] - AWAY) < 1000, `the camera looks at ${camera.at}, near the model`);
   for (const name of ['eye', 'at']) assert.ok(apart(camera[name], from.get(name).split(',').map(Number)) < 1e-6, `the camera kept its ${name}`);
   await page.waitForFunction(() => !document.getElementById('discs'), null, { timeout: 20000 });
   await shoot(page, 'after-preview');
@@ -78,8 +89,12 @@ test('a model that fails at its last byte takes the page to a sentence, and leav
 
 test('a browser that cannot draw the preview says so, and still becomes the viewer', async () => {
   fs.rmSync(cache, { recursive: true });
-  const page = await open(browser, await view(model));
-  await page.evaluate(() => { HTMLCanvasElement.prototype.getContext = () => null; });
+  const context = await browser.newContext({ viewport: SIZE });
+  await context.addInitScript(() => {
+    const own = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind === 'webgl2' ? null : own.call(this, kind, ...more); };
+  });
+  const page = await visit(context, await view(model));
   await page.waitForFunction(() => /^No preview: no WebGL 2$/.test(document.getElementById('shown')?.textContent ?? ''), null, { timeout: 60000, polling: 50 });
   await page.waitForFunction(() => window.quarry?.view() != null, null, { timeout: 120000 });
   await page.context().close();

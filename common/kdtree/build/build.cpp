@@ -368,11 +368,12 @@ class Builder {
     budget -= 2 * sizeof(KdNode);
     // The rest of the budget is shared in proportion to references; the right side also gets the bytes that
     // the left side has not used.
-    const size_t spare = budget - 2 * (left + right);
+    const size_t spare = budget - std::min(budget, 2 * (left + right));
     const size_t before = BytesUsed();
     BuildNode(first_child, left_cell, left_range, 2 * left + spare * left / std::max<size_t>(left + right, 1),
               depth - 1);
-    BuildNode(first_child + 1, right_cell, right_range, budget - (BytesUsed() - before), depth - 1);
+    BuildNode(first_child + 1, right_cell, right_range, budget - std::min(budget, BytesUsed() - before),
+              depth - 1);
   }
 
   KdSplitter splitter_;

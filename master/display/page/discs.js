@@ -3,7 +3,7 @@
 
 import { axes, isOrthographic, tangentOf } from './camera.js';
 
-const MAGIC = 0x31435351, HEADER_BYTES = 48, DISC_BYTES = 24;
+const MAGIC = 0x31435351, HEADER_BYTES = 72, DISC_BYTES = 24;
 /// Smallest point in pixels: finer discs would leave holes.
 const LEAST_PIXELS = 2;
 
@@ -41,7 +41,8 @@ void main() {
   colour = vec4(tint * (0.35 + 0.65 * n.z), 1.0);
 }`;
 
-/// The header of ./discs, and its discs: {count, triangles, part, upAxis, lower, upper, bytes}. Null: they are none.
+/// The header of ./discs, and its discs: {count, triangles, part, upAxis, lower, upper, offset,
+/// bytes}. Null: they are none.
 export function readDiscs(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < HEADER_BYTES || view.getUint32(0, true) !== MAGIC) return null;
@@ -50,7 +51,7 @@ export function readDiscs(buffer) {
   const point = (at) => [0, 1, 2].map((axis) => view.getFloat32(at + 4 * axis, true));
   return {
     count, triangles: Number(view.getBigUint64(8, true)), part: view.getFloat32(16, true), upAxis: view.getUint32(20, true) === 1 ? 'y' : 'z',
-    lower: point(24), upper: point(36), bytes: new Uint8Array(buffer, HEADER_BYTES, count * DISC_BYTES),
+    lower: point(24), upper: point(36), offset: [48, 56, 64].map((at) => view.getFloat64(at, true)), bytes: new Uint8Array(buffer, HEADER_BYTES, count * DISC_BYTES),
   };
 }
 

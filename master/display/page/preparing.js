@@ -12,6 +12,7 @@ removeToken();
 const ask = (path) => fetch(new URL(path, document.baseURI), { cache: 'no-store' });
 const began = performance.now();
 let preview = null;  // false: this browser cannot draw it
+let isLooking = false, isDone = false;
 let drawn = '';  // the state of the discs that are shown
 
 function remaining(seconds) {
@@ -49,10 +50,11 @@ async function isReady() {
 
 /// Shows the discs of what has been read, if there are newer ones.
 async function look() {
-  if (preview === false) return;
+  if (preview === false || isDone) return;
   const answer = await ask(`discs?seen=${drawn}`);
   if (answer.status !== 200) return;  // 204: nothing new
   const buffer = await answer.arrayBuffer();
+  if (preview === false || isDone) return;
   try {
     $('stage').hidden = false;
     preview ??= new Preview($('stage'));
@@ -69,14 +71,23 @@ async function look() {
   $('shown').textContent = `Preview, ${discs.count.toLocaleString('en')} of ${discs.triangles.toLocaleString('en')} triangles read`;
 }
 
+/// Looks beside the polls: on a slow line discs take seconds.
+function lookSoon() {
+  if (isLooking) return;
+  isLooking = true;
+  look().catch(() => {}).finally(() => { isLooking = false; });
+}
+
 /// Puts the viewer in the place of this page. The preview stays behind its picture until there is one.
 async function become() {
+  isDone = true;
   const answer = await ask('');
   const page = new DOMParser().parseFromString(await answer.text(), 'text/html');
   const isViewer = answer.ok && page.querySelector('script[src="main.js"]');
   if (!isViewer || !preview?.isShown) return location.reload();
   const canvas = $('discs');
-  history.replaceState(null, '', location.pathname + location.search + preview.fragment());
+  // The view of a link comes first, then a camera that somebody has moved, then the viewer's own.
+  history.replaceState(null, '', location.pathname + location.search + (location.hash || preview.fragment()));
   document.title = page.title;
   document.body.className = page.body.className;
   document.body.replaceChildren(...document.adoptNode(page.body).childNodes);
@@ -96,14 +107,18 @@ async function poll() {
     const answer = await ask('progress');
     if (answer.ok) {
       show(await answer.json());
-      await look();
+      lookSoon();
       return false;
     }
   } catch {
     $('numbers').textContent = 'Waiting for the server.';
   }
   if (!await isReady()) return false;
-  await become();
+  try {
+    await become();
+  } catch {
+    location.reload();
+  }
   return true;
 }
 

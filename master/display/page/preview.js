@@ -4,7 +4,7 @@ import { frameBox, rounded } from './camera.js';
 import { Discs, readDiscs } from './discs.js';
 import { Pointers } from './input.js';
 import { Navigation } from './navigation.js';
-import { distance } from './vectors.js';
+import { add, distance } from './vectors.js';
 import { toFragment } from './view_state.js';
 
 const FOV = 45;
@@ -34,7 +34,7 @@ export class Preview {
     const navigation = new Navigation(this.live, () => {}, () => [this.live.scene.lower, this.live.scene.upper]);
     const none = () => {};
     new Pointers(stage, this.live, navigation, { isOn: false }, { drag: none, click: none, doubleClick: none, hover: none, menu: none });
-    addEventListener('resize', () => this.live.view && this.put(this.live.camera));
+    addEventListener('resize', () => stage.isConnected && this.live.view && this.put(this.live.camera));
   }
 
   get isShown() { return this.live.view !== null; }
@@ -45,6 +45,7 @@ export class Preview {
     if (!discs) return null;
     this.discs.set(discs);
     const { lower, upper, upAxis } = discs;
+    this.offset = discs.offset;
     this.live.scene = { lower, upper, size: distance(lower, upper), up_axis: upAxis };
     this.live.view ??= { camera: null, size: this.size() };
     // While nobody has moved the camera, it keeps all that has been read in sight.
@@ -68,9 +69,11 @@ export class Preview {
     });
   }
 
-  /// The camera as the viewer's fragment.
+  /// The camera as the viewer's fragment; empty until somebody has moved it.
   fragment() {
-    const camera = rounded(this.live.camera, this.live.scene.size);
+    if (!this.hasMoved) return '';
+    const { camera: own, scene } = this.live;
+    const camera = rounded({ ...own, eye: add(own.eye, this.offset), at: add(own.at, this.offset) }, scene.size);
     const nowhere = { eye: [], at: [], up: [], fov: 0, ortho: 0 };
     return toFragment({ camera }, { camera: nowhere });
   }

@@ -520,7 +520,7 @@ class Resumed(Case):
         return png(side, side, lambda y: base[y % side:y % side + 3 * side])
 
     def test_a_changed_image_is_not_continued(self):
-        self.killed("carrying 8 images: 10 %")
+        self.killed("carrying 8 images: 60 %")
         os.utime(self.path("5.png"), (1, 1))
         self.must_fail(1, r"5\.png: has changed since the run began", "quarry-preprocess", self.model, "-o", self.store,
                        "--memory", "64M", "--resume")

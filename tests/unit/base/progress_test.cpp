@@ -1,10 +1,12 @@
 #include "common/base/progress.h"
 
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <thread>
 
 #include "tests/support/temporary_folder.h"
 
@@ -34,6 +36,13 @@ TEST_CASE("Stages make up one whole, whose part never falls", "[base]") {
           p.BeginStage(0.2), p.BeginStage(0.6);
           p.Begin("second"), p.Update(1, 4);
         }) == Approx(0.35));
+  // The file has an update after a quarter of a second.
+  CHECK(after([](Progress& p) {
+          p.BeginStage(0.5);
+          p.Begin("first"), p.Update(9, 10);
+          std::this_thread::sleep_for(std::chrono::milliseconds(300));
+          p.Begin("again"), p.Update(1, 10);
+        }) == Approx(0.45));
   ::unsetenv("QUARRY_PROGRESS_FILE");
 }
 

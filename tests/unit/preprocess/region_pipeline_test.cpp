@@ -87,6 +87,18 @@ TEST_CASE("Voxels arrive in the order of regions, whatever the threads", "[parti
 
 TEST_CASE("One region alone keeps all threads busy", "[partition]") {
   Run run({90});
+  // The first builders wait for each other, for a machine may start threads late.
+  const auto build = run.work.build;
+  run.work.build = [&](const VoxelTask& task) {
+    EncodedVoxel voxel = build(task);
+    const auto all_here = [&] {
+      const std::lock_guard lock(run.mutex);
+      return run.builders.size() == 4;
+    };
+    for (int wait = 0; wait < 5000 && !all_here(); ++wait)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return voxel;
+  };
   REQUIRE(run.Go());
   CHECK(run.delivered == run.wanted);
   CHECK(run.builders.size() == 4);
@@ -107,6 +119,7 @@ TEST_CASE("A region too large for memory is cut alone, and waits for its voxels'
   };
   const auto deliver = run.work.deliver;
   run.work.deliver = [&](const EncodedVoxel& voxel) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));  // slower than the threads build
     delivered += voxel.triangles >= 100 && voxel.triangles < 200;
     return deliver(voxel);
   };
