@@ -215,7 +215,8 @@ TEST_CASE("a tree of one leaf, a grid of one cell, a ray that misses the scene")
 }
 
 TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
-  // Triangles that share a point: no plane divides them, so that their leaf is a chain.
+  // Triangles that share a point: no plane divides them, so that their leaf is a chain. Small ones lie beside
+  // them, in voxels with trees.
   const test::TemporaryFolder folder;
   const std::string model = folder.file("star.obj");
   {
@@ -226,6 +227,14 @@ TEST_CASE("a store's tree has the voxels' leaves, and of a chain one tree") {
       for (int c = 0; c < 2; ++c)
         out << "v " << test::Uniform(random, -1, 1) << ' ' << test::Uniform(random, -1, 1) << ' '
             << test::Uniform(random, -1, 1) << '\n';
+      out << "f -3 -2 -1\n";
+      const float place[3] = {test::Uniform(random, 2, 4), test::Uniform(random, -1, 1),
+                              test::Uniform(random, -1, 1)};
+      for (int corner = 0; corner < 3; ++corner) {
+        out << 'v';
+        for (const float x : place) out << ' ' << x + test::Uniform(random, -0.02, 0.02);
+        out << '\n';
+      }
       out << "f -3 -2 -1\n";
     }
   }
