@@ -8,10 +8,10 @@ namespace quarry {
 
 /// Shows the progress of work on standard error. On a terminal: one line, rewritten in place, never wider
 /// than the terminal, with the estimated time left. Otherwise: a plain line every 10 %. When quiet: nothing.
-/// Each phase is a whole of its own, unless stages are named: then all phases make up one line, whose
-/// percentage and time left are those of the whole.
-/// Where the environment names a file as QUARRY_PROGRESS_FILE, the file has it too, several times a second,
-/// for the page of `quarry view`: {"step": TEXT, "done": 0 to 1, "eta_s": N or null}. Not thread-safe.
+/// Each phase is a whole of its own, unless stages are named. With stages, all phases share one line. It
+/// shows the percentage and the time left of the whole. Where the environment names a file as
+/// QUARRY_PROGRESS_FILE, the file has it too, several times a second, for the page of `quarry view`: {"step":
+/// TEXT, "done": 0 to 1, "eta_s": N or null}. Not thread-safe.
 class Progress {
  public:
   explicit Progress(bool quiet);

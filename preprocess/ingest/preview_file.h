@@ -12,7 +12,7 @@
 
 namespace quarry {
 
-/// What is read of a model so far, for those who wait: its sample as discs, in the file beside
+/// A preview of a model that is being read: its sample as discs, in the file beside
 /// QUARRY_PROGRESS_FILE with the suffix .discs, for the page of `quarry view`. A sampled triangle becomes a
 /// disc of the area that it stands for, unless that is wide: then of its own. The file is replaced whole, at
 /// most every quarter of a second, and so seldom that writing takes a twentieth of the time. Its layout:

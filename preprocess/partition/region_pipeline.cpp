@@ -103,7 +103,7 @@ class RegionPipeline {
     return triangles_[next_] <= kMostInMemory && open_triangles_ + InMemory(next_) <= limits_.triangles;
   }
 
-  /// A thread's life: voxels that wait come before new regions.
+  /// Runs a thread until the end. Voxels that wait come before new regions.
   void Work() {
     Lock lock(mutex_);
     for (;;) {

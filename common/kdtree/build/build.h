@@ -77,7 +77,7 @@ struct KdSplit {
   float cost = std::numeric_limits<float>::infinity();
   float position = 0;
   int axis = -1;                 ///< -1: no plane
-  uint32_t left = 0, right = 0;  ///< references on each side; those that the plane cuts are on both
+  uint32_t left = 0, right = 0;  ///< references on each side; a cut one counts on both
 };
 
 class ReferenceStacks;

@@ -44,7 +44,7 @@ class ReferenceStacks {
     }
     return stack.references.get() + stack.size;
   }
-  /// Leaves `count` references in a range, in the room of before.
+  /// Sets the number of references of the upper end of a stack. Requires: there is room for them.
   void SetCount(Range range, ptrdiff_t count) {
     stacks_[range.stack].size = range.begin + static_cast<size_t>(count);
   }

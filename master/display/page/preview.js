@@ -18,7 +18,7 @@ export class Preview {
     this.discs = new Discs(stage.querySelector('canvas'));
     this.hasMoved = false;
     this.waiting = 0;
-    // What gestures need of the viewer's view. There is nothing to ask for a point.
+    // Stands in for the viewer's LiveView, as far as gestures use it. No point can be picked.
     this.live = {
       view: null, scene: null,
       get camera() { return this.view.camera; },

@@ -13,7 +13,7 @@
 namespace quarry {
 namespace {
 
-/// What the progress file says after a first update in a stage.
+/// The part of the work that the progress file states, 0 to 1.
 double DoneOf(const std::string& file) {
   std::ifstream in(file);
   return nlohmann::json::parse(in)["done"].get<double>();
