@@ -133,7 +133,8 @@ Status BuildStage::BuildVoxels() {
   progress_.Begin(fmt::format("building voxels of {} triangles", scene_.triangles->count()), "triangles",
                   before);
   const TriangleMasks masks{[&](uint32_t material) { return cut_outs_.IsMapped(material); },
-                            [&](const TriangleRecord& t) { return cut_outs_.MaskOf(t); }};
+                            [&](const TriangleRecord& t) { return cut_outs_.PlaceOf(t); },
+                            [&](const MaskPlace& place) { return cut_outs_.MaskAt(place); }};
   uint64_t delivered = 0;  // triangles of the region that is delivered now
   RegionWork work;
   work.cut = [&](size_t region, const std::function<Status(VoxelTask)>& emit) {

@@ -13,8 +13,8 @@ namespace quarry {
 struct SamplePacket {
   /// The next step of a sample. A step is done for all samples of a packet together. A hit may be one that
   /// does not count (kTest). A light ray, to a light or for occlusion, first looks for an opaque occluder
-  /// (kShadow); one that has met see-through surfaces instead goes from one to the next (kPass), and each
-  /// tints its light (kTint).
+  /// (kShadow); one that has met see-through surfaces instead goes from one to the next (kPass), if there are
+  /// several, and each tints its light (kTint).
   enum Stage {
     kTraverse,
     kTest,

@@ -84,6 +84,7 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   makes_surfaces_ = needs.surfaces;
   makes_pixels_ = needs.pixels;
   refills_ = needs.refills;
+  gathers_ = view_->filter && !refills_;
   first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
   const auto packets = static_cast<uint32_t>(
       std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
@@ -192,6 +193,10 @@ void TileRenderer::Advance(PacketWork& work) {
   uint64_t ready = batch_.TakeReady(work.number);
   const auto at = [&](SamplePacket::Stage stage) { return ready & s.at[stage]; };
   if (const uint64_t lanes = at(SamplePacket::kTest)) ready &= ~TestHits(work, lanes);
+  if (const uint64_t lanes = at(SamplePacket::kSurface); gathers_ && at(SamplePacket::kTraverse) != 0) {
+    batch_.MakeReady(work.number, lanes);
+    ready &= ~lanes;
+  }
   if (const uint64_t lanes = at(SamplePacket::kSurface)) ready &= ~FindSurfaces(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kAttributes)) ready &= ~FindAttributes(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kTextures)) ready &= ~LookUpTextures(work, lanes);

@@ -79,6 +79,9 @@ class TileRenderer {
   std::shared_ptr<const ViewContext> view_;
   const Integrator* integrator_ = nullptr;
   bool makes_surfaces_ = true, makes_pixels_ = true, refills_ = false;
+  /// Whether a packet's hits become surfaces together, once no ray is to go on behind a hole: few at a time
+  /// cost as much as many. Samples of very different length do not wait for each other.
+  bool gathers_ = false;
   SamplePacket::Stage first_ = SamplePacket::kTraverse;  ///< of a sample
   bool leaves_holes_ = false;
   EdgeRays edge_rays_;

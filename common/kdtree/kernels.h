@@ -27,11 +27,9 @@ enum class Grouping {
 /// Results: `waits_for` of a ray is kNoVoxel when its hit, if any, is final; else the missing voxel that the
 /// ray needs, and the same call resumes the ray later. Closest-hit functions find the least (t, id) after the
 /// ray's bound. Any-hit functions find some hit after it that counts, and set only its `triangle`
-/// and `hit_t`; they note in `see_through` the rays that have met see-through triangles. Hits in holes that
-/// masks know are no hits (EffectOf).
-/// Requires: data checked at decode.
-/// Errors: none. Never blocks, locks or logs. Allocates only for a thread's first streams (StreamMemory).
-/// Thread-safe.
+/// and `hit_t`; they note in `see_through` the rays that have met see-through triangles, and the hit of one.
+/// Hits in holes that masks know are no hits (EffectOf). Requires: data checked at decode. Errors: none.
+/// Never blocks, locks or logs. Allocates only for a thread's first streams (StreamMemory). Thread-safe.
 /// Source: Wald & Slusallek 2001, section 6.3 (suspension at missing voxels); resuming by t is an addition.
 using TraceFunction = void (*)(const TopTree& top, const VoxelFinder& finder, RayPacket* packets,
                                const uint64_t* active, uint32_t count);

@@ -13,7 +13,7 @@ namespace quarry {
 
 /// 64 rays, one array per field of Ray, as kernels read and write them. In a coherent packet ray i belongs to
 /// pixel (i % 8, i / 8) of an 8x8 square; other kernels need no order. A suspended ray stays in its packet.
-/// Memory: 4,672 bytes. Not thread-safe; on a GPU, see NoteSeeThrough().
+/// Memory: 5,184 bytes. Not thread-safe; on a GPU, see NoteSeeThrough().
 struct alignas(64) RayPacket {
   static constexpr uint32_t kSide = 8;
   static constexpr uint32_t kRays = kSide * kSide;
@@ -30,13 +30,18 @@ struct alignas(64) RayPacket {
   /// Such triangles end any-hit rays only where their masks are opaque, and are noted only where masks leave
   /// it open (EffectOf). A bit stays set until the ray is set again.
   uint64_t see_through = 0;
-  // Any-hit functions use the fields below only for rays with a bound.
+  /// The rays of `see_through` that have met one such triangle only, where the kernel has noted the hit.
+  /// `b1`, `b2`, `voxel`, `local`, `noted_t` and `noted_id` hold it. GPU kernels note none.
+  uint64_t one_see_through = 0;
+  // Any-hit functions use the fields below only for rays with a bound, and to note hits.
   alignas(64) float b1[kRays];
   float b2[kRays];           ///< barycentric weights of the second and third vertex
   uint32_t voxel[kRays];     ///< the voxel in which the triangle was found
   uint32_t local[kRays];     ///< the triangle's index in that voxel
   float after_t[kRays];      ///< exclusive lower bound of hits, see Ray
   uint32_t after_id[kRays];  ///< of the same bound
+  float noted_t[kRays];      ///< of the hit that an any-hit function has noted; see `one_see_through`
+  uint32_t noted_id[kRays];  ///< scene-wide id of its triangle
   // No kernel uses the field below.
   uint32_t instance[kRays];  ///< of the part that holds the triangle hit
 
@@ -83,6 +88,7 @@ struct alignas(64) RayPacket {
   void Unbind(uint64_t lanes) {
     bounded &= ~lanes;
     see_through &= ~lanes;
+    one_see_through &= ~lanes;
   }
   /// Ray::GoOnAfterHit() for the ray of lane i, to hits before `t_max`.
   void GoOnAfterHit(uint32_t i, float t_max) {
@@ -112,6 +118,27 @@ struct alignas(64) RayPacket {
 #else
     see_through |= uint64_t{1} << i;
 #endif
+  }
+  /// The same, with the hit; a triangle may be met more than once, in cells that share it. Not for GPUs.
+  void NoteHit(uint32_t i, const Hit& hit) {
+    const uint64_t bit = uint64_t{1} << i;
+    if ((see_through & bit) != 0) {
+      if (noted_id[i] != hit.triangle) one_see_through &= ~bit;
+      return;
+    }
+    see_through |= bit;
+    one_see_through |= bit;
+    noted_t[i] = hit.t;
+    noted_id[i] = hit.triangle;
+    b1[i] = hit.b1;
+    b2[i] = hit.b2;
+    voxel[i] = hit.voxel;
+    local[i] = hit.local;
+  }
+  /// Makes the noted hit of an any-hit ray that has hit nothing else its hit. Requires: `one_see_through`.
+  void TakeNotedHit(uint32_t i) {
+    hit_t[i] = noted_t[i];
+    triangle[i] = noted_id[i];
   }
   glm::vec3 DirectionOf(uint32_t i) const { return {direction[0][i], direction[1][i], direction[2][i]}; }
   /// A ray like that of lane i, from its start.

@@ -33,12 +33,14 @@ struct VoxelGeometryOf {
   /// opacity_mask.h, one per triangle; null: all triangles are opaque. Where light passes the material
   /// itself, decoding has made opaque states mixed: no mask describes such a surface.
   const uint32_t* masks = nullptr;
-  const WideNode* wide = nullptr;  ///< the same tree as wide nodes, derived at decode
+  const FineMask* fine_masks = nullptr;  ///< those that `masks` name
+  const WideNode* wide = nullptr;        ///< the same tree as wide nodes, derived at decode
   /// A bit for each part of the scene: its triangles are no candidates to any ray. Null: there are none in
   /// this voxel. No block has the bits: a view's selection does.
   const uint64_t* hidden = nullptr;
   uint32_t hidden_words = 0;  ///< 64 parts each; parts beyond them are shown
-  uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0;
+  uint32_t node_count = 0, wide_count = 0, reference_count = 0, triangle_count = 0, vertex_count = 0,
+           fine_mask_count = 0;
   bool has_see_through = false;  ///< whether see_through() holds for any triangle
 
   /// The bit of `parts` that marks a see-through triangle; parts are below it.
@@ -76,7 +78,8 @@ QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel
                                              float b2) {
   if (voxel.hidden != nullptr && voxel.is_hidden(triangle)) return HitEffect::kNothing;
   if (!voxel.has_see_through || !voxel.see_through(triangle)) return HitEffect::kCounts;
-  const OpacityState state = voxel.masks ? StateAt(voxel.masks[triangle], b1, b2) : OpacityState::kMixed;
+  const OpacityState state =
+      voxel.masks ? StateAt(voxel.masks[triangle], voxel.fine_masks, b1, b2) : OpacityState::kMixed;
   if (state == OpacityState::kTransparent) return HitEffect::kNothing;
   return kAnyHit && state == OpacityState::kMixed ? HitEffect::kNoted : HitEffect::kCounts;
 }

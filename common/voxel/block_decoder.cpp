@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "common/kdtree/opacity_mask.h"
 #include "common/math/packed_normal.h"
@@ -17,23 +18,26 @@ namespace {
 // --- the hot block's counts, which give all sizes
 
 struct HotCounts {
-  uint32_t triangles, vertices, references, inner_nodes, node_slots, wide_nodes;
+  uint32_t triangles, vertices, references, inner_nodes, node_slots, wide_nodes, fine_masks;
   bool masked;
 
+  size_t header_bytes() const { return masked ? kMaskedHeaderBytes : kHotHeaderBytes; }
   size_t masks() const { return masked ? triangles : 0; }
-
   size_t nodes() const { return size_t{2} * inner_nodes + 1; }
   size_t stream_bytes() const {
-    return kHotHeaderBytes + nodes() * 2 + size_t{inner_nodes} * 4 + size_t{vertices} * 12 +
-           size_t{triangles} * (6 + 4 + 4 + 2) + masks() * 4 + size_t{references} * 2;
+    return header_bytes() + nodes() * 2 + size_t{inner_nodes} * 4 + size_t{vertices} * 12 +
+           size_t{triangles} * (6 + 4 + 4 + 2) + masks() * 4 + size_t{fine_masks} * sizeof(FineMask) +
+           size_t{references} * 2;
   }
-  size_t decoded_bytes() const { return HotBytes(wide_nodes, references, triangles, vertices, masks()); }
+  size_t decoded_bytes() const {
+    return HotBytes(wide_nodes, references, triangles, vertices, masks(), fine_masks);
+  }
   /// Whether each count is so small that sums of sizes cannot overflow.
   bool sane() const {
     return triangles > 0 && triangles <= kMaxVoxelTriangles && vertices > 0 && vertices <= 65535 &&
            references <= kMaxBlockBytes / 2 && inner_nodes <= kMostInnerNodes &&
            wide_nodes <= kMaxBlockBytes / sizeof(WideNode) && wide_nodes > 0 && nodes() < node_slots &&
-           node_slots <= decoded_bytes() / sizeof(KdNode);
+           node_slots <= decoded_bytes() / sizeof(KdNode) && fine_masks <= triangles;
   }
 };
 
@@ -66,6 +70,20 @@ class ArrayPlacer {
   std::span<std::byte> out_;
   size_t at_ = 0;
 };
+
+/// Errors, permanent: a mask is none; it names a fine mask that the voxel lacks.
+Status CheckMasks(std::span<const uint32_t> masks, std::span<const FineMask> fine) {
+  for (const uint32_t mask : masks) {
+    if (IsMask(mask, static_cast<uint32_t>(fine.size()))) continue;
+    return Fail(NamesFineMask(mask) && mask >= kFineMaskTag
+                    ? "voxel block: an opacity mask names a fine mask that it lacks"
+                    : "voxel block: an opacity mask holds an invalid state");
+  }
+  for (const FineMask& mask : fine)
+    if (!std::ranges::all_of(mask.words, HoldsStates))
+      return Fail("voxel block: a fine opacity mask holds an invalid state");
+  return {};
+}
 
 /// Bytes in the streams of a vertex of a packed shading block.
 size_t PackedVertexBytes(uint32_t columns) {
@@ -169,6 +187,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
     *count = in.Get<uint32_t>();
   const Box cell{in.GetVec3<glm::vec3>(), in.GetVec3<glm::vec3>()};
   counts.masked = magic == kMaskedMagic;
+  if (counts.masked) counts.fine_masks = in.Get<uint32_t>();
   if (!in.ok() || (magic != kHotMagic && !counts.masked)) return Fail("voxel block: not a hot block");
   if (!counts.sane() || counts.stream_bytes() != impl_->streams.size() ||
       counts.decoded_bytes() != out.size())
@@ -179,6 +198,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
 
   ArrayPlacer place(out);
   auto* wide = place.Next<WideNode>(counts.wide_nodes);
+  auto* fine_masks = place.Next<FineMask>(counts.fine_masks);
   auto* vertices = place.Next<glm::vec3>(counts.vertices);
   auto* ids = place.Next<uint32_t>(counts.triangles);
   auto* parts = place.Next<uint32_t>(counts.triangles);
@@ -190,7 +210,7 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   std::vector<KdNode>& nodes = tree ? *tree : impl_->nodes;
   if (tree || nodes.size() < counts.node_slots) nodes.resize(counts.node_slots);
   const std::span<KdNode> slots(nodes.data(), counts.node_slots);
-  StreamCutter cut(impl_->streams, kHotHeaderBytes);
+  StreamCutter cut(impl_->streams, counts.header_bytes());
   const auto symbols = cut.Next(counts.nodes() * 2);
   QUARRY_TRY(impl_->tree.Read(symbols, cut.Next(size_t{counts.inner_nodes} * 4), counts.references, slots));
   impl_->ReadVertices(cut.Next(size_t{counts.vertices} * 12), {vertices, counts.vertices});
@@ -204,8 +224,9 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
     return Fail("voxel block: it names a part beyond the limit");
   ReadPlanes<uint16_t>(cut.Next(size_t{counts.triangles} * 2), {materials, counts.triangles});
   ReadPlanes<uint32_t>(cut.Next(counts.masks() * 4), {masks, counts.masks()});
-  if (!std::all_of(masks, masks + counts.masks(), IsMask))
-    return Fail("voxel block: an opacity mask holds an invalid state");
+  const auto fine = cut.Next(counts.fine_masks * sizeof(FineMask));
+  if (!fine.empty()) std::memcpy(fine_masks, fine.data(), fine.size());
+  QUARRY_TRY(CheckMasks({masks, counts.masks()}, {fine_masks, counts.fine_masks}));
   if (!ReadFromNewest(cut.Next(size_t{counts.references} * 2), {references, counts.references},
                       counts.triangles))
     return Fail("voxel block: a reference lies beyond the triangles");
@@ -219,12 +240,14 @@ Result<VoxelGeometry> BlockDecoder::Hot(std::span<const std::byte> stored, std::
   v.materials = materials;
   v.parts = parts;
   v.masks = counts.masked ? masks : nullptr;
+  v.fine_masks = counts.fine_masks != 0 ? fine_masks : nullptr;
   v.wide = wide;
   v.node_count = tree ? counts.node_slots : 0;
   v.wide_count = counts.wide_nodes;
   v.reference_count = counts.references;
   v.triangle_count = counts.triangles;
   v.vertex_count = counts.vertices;
+  v.fine_mask_count = counts.fine_masks;
   QUARRY_TRY(impl_->completion.Run(v, cell, padding, slots, {wide, counts.wide_nodes}));
   return v;
 }
@@ -268,7 +291,7 @@ void MarkSeeThrough(const std::vector<Material>& materials, VoxelGeometry& hot) 
     }
     const bool cut = masks && masks[i] != kOpaqueMask;
     const uint32_t passes = cut ? VoxelGeometry::kSeeThrough : mark;
-    if (masks && mark != 0) masks[i] &= kTransparentMask;
+    if (masks && mark != 0) masks[i] = OnlyHoles(masks[i]);
     parts[i] |= passes;
     any |= passes;
   }

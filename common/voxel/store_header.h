@@ -15,7 +15,7 @@ namespace quarry {
 inline constexpr std::string_view kStoreMagic = "QUARRY\r\n";
 /// Versions of the format: of stores with opacity masks; of others, whose shading blocks may have packed
 /// normals; of all others. Stores of other versions are refused; they change freely until the first release.
-inline constexpr uint32_t kStoreVersion = 11, kPackedStoreVersion = 10, kUnpackedStoreVersion = 9;
+inline constexpr uint32_t kStoreVersion = 12, kPackedStoreVersion = 10, kUnpackedStoreVersion = 9;
 
 /// Sizes of the header and of an entry of the section table; limit of sections against damaged headers.
 inline constexpr uint64_t kStoreHeaderBytes = 64;

@@ -88,8 +88,9 @@ EncodedVoxel EncodeVoxel(const HotVoxel& hot, const ShadingVoxel* shading) {
   EncodedVoxel voxel;
   Bytes streams = EncodeHot(hot);
   voxel.hot = CompressBlock(streams);
-  voxel.hot_decoded = static_cast<uint32_t>(HotBytes(
-      hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(), hot.vertices.size(), hot.masks.size()));
+  voxel.hot_decoded =
+      static_cast<uint32_t>(HotBytes(hot.wide_nodes, hot.references.size(), hot.triangle_ids.size(),
+                                     hot.vertices.size(), hot.masks.size(), hot.fine_masks.size()));
   voxel.masks = !hot.masks.empty();
   voxel.hot_logical = Checksum(streams);
   voxel.parts = EncodePartList(hot.parts);

@@ -82,9 +82,10 @@ Bytes EncodePacked(const ShadingVoxel& v) {
 
 }  // namespace
 
-size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks) {
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks,
+                size_t fine_masks) {
   return wide_nodes * sizeof(WideNode) + vertices * 12 + triangles * (4 + 4 + 2 + 6) + references * 2 +
-         masks * 4;
+         masks * 4 + fine_masks * sizeof(FineMask);
 }
 
 size_t ShadingBytes(size_t triangles, size_t vertices) {
@@ -93,7 +94,8 @@ size_t ShadingBytes(size_t triangles, size_t vertices) {
 
 Bytes EncodeHot(const HotVoxel& v) {
   QUARRY_CHECK(v.triangle_ids.size() <= kMaxVoxelTriangles && v.vertices.size() <= 65535);
-  QUARRY_CHECK(v.masks.empty() || v.masks.size() == v.triangle_ids.size());
+  QUARRY_CHECK(v.masks.size() == (v.masks.empty() ? 0 : v.triangle_ids.size()));
+  QUARRY_CHECK(v.fine_masks.size() <= v.masks.size());
   CheckReferences(v);
   ByteWriter header;
   header.Put(v.masks.empty() ? kHotMagic : kMaskedMagic);
@@ -105,6 +107,7 @@ Bytes EncodeHot(const HotVoxel& v) {
   header.Put(v.wide_nodes);
   header.PutVec3(v.cell.lower);
   header.PutVec3(v.cell.upper);
+  if (!v.masks.empty()) header.Put(static_cast<uint32_t>(v.fine_masks.size()));
   Bytes out = header.Take();
   out.reserve(out.size() + v.nodes.size() * 4 + v.vertices.size() * 12 + v.triangle_ids.size() * 20 +
               v.references.size() * 2);
@@ -115,6 +118,8 @@ Bytes EncodeHot(const HotVoxel& v) {
   PutDifferences<uint32_t>(v.parts, out);
   PutPlanes<uint16_t>(v.materials, out);
   PutPlanes<uint32_t>(v.masks, out);
+  const auto fine = std::as_bytes(std::span(v.fine_masks));
+  out.insert(out.end(), fine.begin(), fine.end());
   PutFromNewest(v.references, out);
   return out;
 }

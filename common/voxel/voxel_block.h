@@ -10,6 +10,7 @@
 #include "common/base/bytes.h"
 #include "common/kdtree/build/build.h"
 #include "common/kdtree/node.h"
+#include "common/kdtree/opacity_mask.h"
 #include "common/voxel/block_key.h"
 
 // A voxel is stored as two blocks: hot (the tree and triangles, all that traversal reads) and shading
@@ -20,10 +21,11 @@
 namespace quarry {
 
 inline constexpr uint32_t kHotMagic = 0x35585651;      // "QVX5"
-inline constexpr uint32_t kMaskedMagic = 0x36585651;   // "QVX6": with opacity masks
+inline constexpr uint32_t kMaskedMagic = 0x37585651;   // "QVX7": with opacity masks
 inline constexpr uint32_t kShadingMagic = 0x32535651;  // "QVS2"
 inline constexpr uint32_t kPackedMagic = 0x33535651;   // "QVS3": normals packed in 4 bytes
-inline constexpr size_t kHotHeaderBytes = 52, kShadingHeaderBytes = 12, kPackedHeaderBytes = 16;
+inline constexpr size_t kHotHeaderBytes = 52, kMaskedHeaderBytes = 56, kShadingHeaderBytes = 12,
+                        kPackedHeaderBytes = 16;
 /// The columns of a packed shading block beside its normals.
 inline constexpr uint32_t kPackedUvs = 1, kPackedColors = 2;
 
@@ -50,7 +52,8 @@ struct HotVoxel {
   std::vector<uint32_t> triangle_ids;
   std::vector<uint16_t> materials;
   std::vector<uint32_t> parts;
-  std::vector<uint32_t> masks;  ///< opacity_mask.h; one per triangle, or none
+  std::vector<uint32_t> masks;       ///< opacity_mask.h; one per triangle, or none
+  std::vector<FineMask> fine_masks;  ///< those that `masks` name
 };
 
 /// The attributes of a triangle's corner. A zero normal means that the triangle's own normal is used.
@@ -75,9 +78,10 @@ Bytes EncodeHot(const HotVoxel& voxel);
 Bytes EncodeShading(const ShadingVoxel& voxel);
 
 /// Size in bytes of a decoded block with these counts. `masks`: triangles that have an opacity mask, all or
-/// none.
+/// none; `fine_masks`: those that masks name.
 /// Requires, for hot blocks: the slots of the tree's nodes take no more bytes than the block.
-size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks = 0);
+size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks = 0,
+                size_t fine_masks = 0);
 size_t ShadingBytes(size_t triangles, size_t vertices);
 
 /// The version of the LZ4 in use (LZ4_VERSION_NUMBER). Other versions may compress to other bytes.

@@ -1,58 +1,17 @@
 #include "preprocess/partition/voxel_builder.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <numeric>
 
 #include "common/kdtree/build/prune.h"
 #include "common/kdtree/build/treelets.h"
 #include "common/kdtree/build/wide_tree.h"
 #include "common/math/packed_normal.h"
+#include "preprocess/partition/interner.h"
 
 namespace quarry {
 namespace {
-
-/// Numbers values by first appearance; values are equal if their bits are. Open addressing, at most two
-/// thirds full. Requires: at most 65,535 values.
-template <class T>
-class Interner {
- public:
-  explicit Interner(size_t most)
-      : table_(std::bit_ceil(most + most / 2 + 2), kFree), shift_(64 - std::countr_zero(table_.size())) {}
-
-  uint16_t Index(const T& value, std::vector<T>& values) {
-    size_t at = HashOf(value) >> shift_;
-    // Values are equal if their bits are: 0 and -0 are stored apart.
-    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
-    while (table_[at] != kFree && std::memcmp(&values[table_[at]], &value, sizeof value) != 0)
-      at = (at + 1) & (table_.size() - 1);
-    if (table_[at] == kFree) {
-      table_[at] = static_cast<uint16_t>(values.size());
-      values.push_back(value);
-    }
-    return table_[at];
-  }
-
- private:
-  /// A sum of products, which need not wait for each other.
-  static uint64_t HashOf(const T& value) {
-    constexpr uint64_t kFactors[] = {0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB,
-                                     0xA0761D6478BD642F, 0xE7037ED1A0B428DB};
-    constexpr size_t kWords = (sizeof(T) + 7) / 8;
-    static_assert(kWords <= std::size(kFactors));
-    uint64_t words[kWords] = {};
-    std::memcpy(words, &value, sizeof value);
-    uint64_t hash = 0;
-    for (size_t i = 0; i < kWords; ++i) hash += (words[i] ^ words[i] >> 32) * kFactors[i];
-    return (hash ^ hash >> 32) * kFactors[0];
-  }
-
-  static constexpr uint16_t kFree = 0xFFFF;
-  std::vector<uint16_t> table_;  ///< indices into the values
-  int shift_;                    ///< 64 minus the bits of a place in the table
-};
 
 ShadingVertex Sanitized(ShadingVertex v) {
   if (!IsNormal(v.normal)) v.normal = glm::vec3(0);
@@ -113,6 +72,8 @@ constexpr uint16_t kUnseen = 0xFFFF;
 // for a hundredth of the SAH cost (tests/bench/history/preprocess.md, 2026-11-29).
 constexpr float kByteWorth = 0.01f;
 constexpr float kCopyCost = 0.1f;
+// Most bytes of fine masks: a part of the voxel, and of what its triangles leave, since the tree comes first.
+constexpr size_t kFineMaskShare = 8, kSpareShare = 4;
 
 struct VoxelTree {
   KdTree tree;
@@ -194,9 +155,17 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
   const bool has_masks = masks != nullptr && std::ranges::any_of(triangles, [&](const TriangleRecord& t) {
                            return masks->is_mapped(t.material);
                          });
+  const size_t triangles_with_mask = has_masks ? triangles.size() : 0;
+  const auto left_by = [&](size_t bytes) { return voxel_size > bytes ? voxel_size - bytes : 0; };
+  VoxelMasks found;
+  if (has_masks) {
+    const size_t spare = left_by(HotBytes(0, 0, triangles.size(), vertices.size(), triangles_with_mask));
+    found = FindMasks(triangles, *masks,
+                      std::min(voxel_size / kFineMaskShare, spare / kSpareShare) / sizeof(FineMask));
+  }
   const size_t without_tree =
-      HotBytes(0, 0, triangles.size(), vertices.size(), has_masks ? triangles.size() : 0);
-  const size_t room = voxel_size > without_tree ? voxel_size - without_tree : 0;
+      HotBytes(0, 0, triangles.size(), vertices.size(), triangles_with_mask, found.fine.size());
+  const size_t room = left_by(without_tree);
 
   HotVoxel voxel;
   voxel.cell = task.cell;
@@ -214,6 +183,7 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
   voxel.triangle_ids.reserve(triangles.size());
   voxel.materials.reserve(triangles.size());
   voxel.parts.reserve(triangles.size());
+  voxel.fine_masks = std::move(found.fine);
   for (uint16_t i : order) {
     const TriangleRecord& t = triangles[i];
     for (size_t k = 0; k < 3; ++k) {
@@ -227,7 +197,7 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
     voxel.triangle_ids.push_back(t.id);
     voxel.materials.push_back(static_cast<uint16_t>(t.material));
     voxel.parts.push_back(t.part);
-    if (has_masks) voxel.masks.push_back(masks->mask_of(t));
+    if (has_masks) voxel.masks.push_back(found.masks[i]);
     if (has_shading) ordered.push_back(options.smoothed ? WithAllNormals(t) : t);
   }
   if (!has_shading) return EncodeVoxel(voxel, nullptr);

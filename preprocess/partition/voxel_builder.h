@@ -1,23 +1,15 @@
 #pragma once
 
-#include <functional>
-#include <span>
-
 #include "common/kdtree/build/build.h"
 #include "common/voxel/store_writer.h"
 #include "preprocess/partition/partition.h"
+#include "preprocess/partition/voxel_masks.h"
 
 namespace quarry {
 
 /// Most triangles of a voxel whose decoded hot block never exceeds `voxel_size` bytes, even if no two
 /// triangles share a vertex and the tree is a single leaf. `masks`: it may have opacity masks.
 uint32_t MaxTrianglesPerVoxel(uint32_t voxel_size, bool masks = false);
-
-/// The opacity masks of triangles; see opacity_mask.h.
-struct TriangleMasks {
-  std::function<bool(uint32_t material)> is_mapped;  ///< whether a material's triangles have masks
-  std::function<uint32_t(const TriangleRecord&)> mask_of;
-};
 
 /// Which voxels have attributes to store.
 struct ShadingOptions {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <utility>
 
@@ -84,25 +85,78 @@ Result<std::vector<OpacityMap>> ReadMaps(const TextureImage& image, const Wanted
 
 double Finite(float value, float other) { return std::isfinite(value) && std::isfinite(other) ? value : 0; }
 
-/// The corners of a sub-triangle: barycentric weights of the second and third vertex, in quarters.
-std::array<std::array<int, 2>, 3> CornersOf(uint32_t sub) {
+/// Texels after which an image's texels come again along an axis; 0: they do not.
+double PeriodOf(TextureWrap wrap, double size) {
+  return wrap == TextureWrap::kClamp ? 0 : wrap == TextureWrap::kMirror ? 2 * size : size;
+}
+
+/// Sets axis `a` of a place. `slack` in texels. The slack grows by what the grid moves corners; a triangle
+/// too far or too large for the grid covers all of the image.
+void PutOnGrid(const double (&corners)[3], double slack, double period, size_t a, MaskPlace& place) {
+  constexpr double kMost = 1 << 24;  // texels
+  const double least = *std::ranges::min_element(corners);
+  const double shift = period > 0 ? std::floor(least / period) * period : 0;
+  const auto beyond = [&](double corner) { return !(std::fabs(corner - shift) <= kMost); };
+  if (std::ranges::any_of(corners, beyond) || !(slack <= kMost)) {
+    place.slack[0] = place.slack[1] = std::numeric_limits<uint32_t>::max();
+    return;
+  }
+  for (size_t k = 0; k < 3; ++k)
+    place.corners[k][a] = static_cast<int32_t>(std::lround((corners[k] - shift) * MaskPlace::kGrid));
+  const auto on_grid = static_cast<uint32_t>(std::ceil(slack * MaskPlace::kGrid + 0.5));
+  place.slack[a] = std::max(place.slack[a], on_grid);
+}
+
+TexelTriangle InTexels(const MaskPlace& place) {
+  TexelTriangle triangle;
+  for (size_t a = 0; a < 2; ++a) {
+    for (size_t k = 0; k < 3; ++k) triangle.corners[k][a] = place.corners[k][a] / MaskPlace::kGrid;
+    triangle.slack[a] = place.slack[a] / MaskPlace::kGrid;
+  }
+  return triangle;
+}
+
+/// The corners of a sub-triangle: weights of the second and third vertex, in parts of an edge.
+using Corners = std::array<std::array<int, 2>, 3>;
+
+Corners CornersOf(uint32_t sub, int steps) {
   int row = 0, place = static_cast<int>(sub);
-  for (; place >= 7 - 2 * row; ++row) place -= 7 - 2 * row;
+  for (; place >= 2 * (steps - row) - 1; ++row) place -= 2 * (steps - row) - 1;
   const int column = place / 2;
   if (place % 2 == 0) return {{{column, row}, {column + 1, row}, {column, row + 1}}};
   return {{{column + 1, row}, {column + 1, row + 1}, {column, row + 1}}};
 }
 
-TexelTriangle SubTriangle(const TexelTriangle& whole, uint32_t sub) {
+TexelTriangle SubTriangle(const TexelTriangle& whole, const Corners& corners, int steps) {
   TexelTriangle part = whole;
-  const auto corners = CornersOf(sub);
   for (size_t k = 0; k < 3; ++k) {
-    const double b1 = corners[k][0] / 4.0, b2 = corners[k][1] / 4.0;
+    const double b1 = corners[k][0] / double(steps), b2 = corners[k][1] / double(steps);
     for (size_t a = 0; a < 2; ++a)
       part.corners[k][a] =
           (1 - b1 - b2) * whole.corners[0][a] + b1 * whole.corners[1][a] + b2 * whole.corners[2][a];
   }
   return part;
+}
+
+/// The coarse sub-triangle that has a fine one with these corners.
+uint32_t CoarseOf(const Corners& corners) {
+  constexpr float kParts = 3.0f * kFineMaskSteps;
+  const auto middle = [&](size_t a) {
+    return static_cast<float>(corners[0][a] + corners[1][a] + corners[2][a]) / kParts;
+  };
+  return SubTriangleOf<kMaskSteps>(middle(0), middle(1));
+}
+
+OpacityState StateOf(const TexelStates& states) {
+  return states.opaque        ? OpacityState::kOpaque
+         : states.transparent ? OpacityState::kTransparent
+                              : OpacityState::kMixed;
+}
+
+FineMask Throughout(uint32_t coarse) {
+  FineMask fine;
+  std::ranges::fill(fine.words, coarse);
+  return fine;
 }
 
 }  // namespace
@@ -138,23 +192,24 @@ Result<CutOuts> CutOuts::Read(const std::vector<Material>& materials, const std:
   return cut_outs;
 }
 
-/// The triangle in its material's image.
-TexelTriangle CutOuts::Place(const TriangleRecord& triangle) const {
+MaskPlace CutOuts::PlaceOf(const TriangleRecord& triangle) const {
   const Use& use = uses_[triangle.material];
   const OpacityMap& map = maps_[use.map];
   const double sizes[] = {static_cast<double>(map.width()), static_cast<double>(map.height())};
-  TexelTriangle place;
+  const TextureWrap wraps[] = {use.binding.wrap_s, use.binding.wrap_t};
+  MaskPlace place;
+  place.material = triangle.material;
   for (size_t a = 0; a < 2; ++a) {
     const float* row = &use.binding.transform[3 * a];
-    double largest = 0;
+    double corners[3], largest = 0;
     for (size_t k = 0; k < 3; ++k) {
       // Shading takes (0, 0) for coordinates that are not finite.
       const glm::vec2& uv = triangle.uvs[k];
       const double u = Finite(uv.x, uv.y), v = Finite(uv.y, uv.x);
-      place.corners[k][a] = (row[0] * u + row[1] * v + row[2]) * sizes[a];
+      corners[k] = (row[0] * u + row[1] * v + row[2]) * sizes[a];
       largest = std::max(largest, std::fabs(row[0] * u) + std::fabs(row[1] * v) + std::fabs(double{row[2]}));
     }
-    place.slack[a] = largest * sizes[a] * kRounding + kLeastSlack;
+    PutOnGrid(corners, largest * sizes[a] * kRounding + kLeastSlack, PeriodOf(wraps[a], sizes[a]), a, place);
   }
   return place;
 }
@@ -164,25 +219,28 @@ TexelStates CutOuts::StatesOf(const TexelTriangle& place, uint32_t material) con
   return StatesAbout(place, maps_[use.map], *tiles_, use.binding.wrap_s, use.binding.wrap_t);
 }
 
-uint32_t CutOuts::MaskOf(const TriangleRecord& triangle) const {
-  if (!IsMapped(triangle.material)) return kOpaqueMask;
-  const TexelTriangle place = Place(triangle);
-  const TexelStates all = StatesOf(place, triangle.material);
-  if (all.opaque) return kOpaqueMask;
-  if (all.transparent) return kTransparentMask;
-  uint32_t mask = 0;
-  for (uint32_t sub = 0; sub < kSubTriangles; ++sub) {
-    const TexelStates states = StatesOf(SubTriangle(place, sub), triangle.material);
-    const OpacityState state = states.opaque        ? OpacityState::kOpaque
-                               : states.transparent ? OpacityState::kTransparent
-                                                    : OpacityState::kMixed;
-    mask |= static_cast<uint32_t>(state) << (2 * sub);
+TriangleMask CutOuts::MaskAt(const MaskPlace& place) const {
+  const TexelTriangle whole = InTexels(place);
+  const TexelStates all = StatesOf(whole, place.material);
+  if (all.opaque) return {kOpaqueMask, Throughout(kOpaqueMask)};
+  if (all.transparent) return {kTransparentMask, Throughout(kTransparentMask)};
+  const auto state_of = [&](const Corners& corners, int steps) {
+    return StateOf(StatesOf(SubTriangle(whole, corners, steps), place.material));
+  };
+  TriangleMask mask{0, {}};
+  for (uint32_t sub = 0; sub < kSubTriangles; ++sub)
+    mask.coarse |= static_cast<uint32_t>(state_of(CornersOf(sub, kMaskSteps), kMaskSteps)) << (2 * sub);
+  for (uint32_t sub = 0; sub < kFineSubTriangles; ++sub) {
+    const Corners corners = CornersOf(sub, kFineMaskSteps);
+    OpacityState state = StateOf(mask.coarse, CoarseOf(corners));
+    if (state == OpacityState::kMixed) state = state_of(corners, kFineMaskSteps);
+    mask.fine.words[sub / 16] |= static_cast<uint32_t>(state) << (2 * (sub % 16));
   }
   return mask;
 }
 
 bool CutOuts::IsTransparent(const TriangleRecord& triangle) const {
-  return IsMapped(triangle.material) && StatesOf(Place(triangle), triangle.material).transparent;
+  return IsMapped(triangle.material) && StatesOf(InTexels(PlaceOf(triangle)), triangle.material).transparent;
 }
 
 }  // namespace quarry

@@ -12,6 +12,7 @@
 #include "preprocess/import/texture_image.h"
 #include "preprocess/spill/triangle_record.h"
 #include "preprocess/texture/image_decoder.h"
+#include "preprocess/texture/mask_place.h"
 #include "preprocess/texture/opacity_map.h"
 #include "preprocess/texture/texel_sweep.h"
 
@@ -33,8 +34,10 @@ class CutOuts {
   }
   /// Whether any does.
   bool any() const { return !maps_.empty(); }
-  /// The mask of a triangle, see opacity_mask.h. It never states more than the texels do.
-  uint32_t MaskOf(const TriangleRecord& triangle) const;
+  /// The place of a triangle in its material's image. Requires: IsMapped() of its material.
+  MaskPlace PlaceOf(const TriangleRecord& triangle) const;
+  /// The mask of the triangles at a place, see opacity_mask.h. It never states more than the texels do.
+  TriangleMask MaskAt(const MaskPlace& place) const;
   /// Whether a triangle is transparent all over.
   bool IsTransparent(const TriangleRecord& triangle) const;
   /// Whether the temporary file could not be read: masks are wrong then.
@@ -45,7 +48,6 @@ class CutOuts {
     uint32_t map = kNoIndex;
     TextureBinding binding;
   };
-  TexelTriangle Place(const TriangleRecord& triangle) const;
   TexelStates StatesOf(const TexelTriangle& place, uint32_t material) const;
 
   std::vector<Use> uses_;  ///< of each material

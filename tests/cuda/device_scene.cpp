@@ -67,6 +67,7 @@ Status DeviceScene::Upload(std::span<const HostVoxel> voxels) {
     arena.Take(g.materials, g.triangle_count);
     arena.Take(g.parts, g.triangle_count);
     arena.Take(g.masks, g.triangle_count);
+    arena.Take(g.fine_masks, g.fine_mask_count);
     arena.Take(g.wide, g.wide_count);
   }
   QUARRY_ASSIGN(DeviceMemory memory, arena.Upload());

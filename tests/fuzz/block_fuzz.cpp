@@ -46,7 +46,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     for (uint32_t c = 0; c < 3 * view->triangle_count; ++c)
       if (view->corners[c] >= view->vertex_count) std::abort();
     for (uint32_t t = 0; view->masks != nullptr && t < view->triangle_count; ++t)
-      if (!quarry::IsMask(view->masks[t])) std::abort();
+      if (!quarry::IsMask(view->masks[t], view->fine_mask_count)) std::abort();
+    for (uint32_t f = 0; f < view->fine_mask_count; ++f)
+      if (!std::ranges::all_of(view->fine_masks[f].words, quarry::HoldsStates)) std::abort();
   }
   std::free(memory);
   return 0;

@@ -25,15 +25,15 @@ struct StoredTriangle {
   uint32_t id;
   bool glass;     ///< light passes its material
   uint32_t mask;  ///< opacity_mask.h
+  const FineMask* fine;
 
-  bool HasHoleAt(const Hit& hit) const { return StateAt(mask, hit.b1, hit.b2) == OpacityState::kTransparent; }
+  OpacityState StateOf(const Hit& hit) const { return StateAt(mask, fine, hit.b1, hit.b2); }
+  bool HasHoleAt(const Hit& hit) const { return StateOf(hit) == OpacityState::kTransparent; }
   /// Whether it ends any-hit rays that hit it so.
-  bool EndsRaysAt(const Hit& hit) const {
-    return !glass && StateAt(mask, hit.b1, hit.b2) == OpacityState::kOpaque;
-  }
+  bool EndsRaysAt(const Hit& hit) const { return !glass && StateOf(hit) == OpacityState::kOpaque; }
 };
 
-/// The opacity mask of the triangle with an id.
+/// The opacity mask of the triangle with an id, which may name a fine mask of the scene.
 using MaskOf = std::function<uint32_t(uint32_t id)>;
 
 /// Whether a part is hidden.
@@ -44,14 +44,15 @@ using IsHidden = std::function<bool(uint32_t part)>;
 class LoadedScene {
  public:
   LoadedScene(const std::string& model, uint32_t voxel_size, const MaskOf& mask_of = {},
-              const IsHidden& is_hidden = {}) {
+              const IsHidden& is_hidden = {}, const std::vector<FineMask>& fine = {})
+      : fine_(fine) {
     const std::string store = folder_.file("scene.quarry");
     MakeStore({.models = {model}, .output = store, .threads = 2, .voxel_size = voxel_size});
     auto scene = ResidentScene::Load(store);
     INFO((scene ? "" : scene.error().message));
     REQUIRE(scene.has_value());
     scene_ = std::move(*scene);
-    if (mask_of) scene_->SetMasks(mask_of);
+    if (mask_of) scene_->SetMasks(mask_of, fine);
     if (is_hidden) scene_->Hide(is_hidden);
     ListTriangles(mask_of);
   }
@@ -88,7 +89,8 @@ class LoadedScene {
                               LetsLightThrough(catalog().materials[view.materials[t]]),
                               view.hidden && view.is_hidden(t) ? kTransparentMask
                               : mask_of                        ? mask_of(global)
-                                                               : kOpaqueMask});
+                                                               : kOpaqueMask,
+                              fine_.data()});
       }
     }
     for (uint32_t v = 0; v < catalog().voxels.size(); ++v)
@@ -98,6 +100,7 @@ class LoadedScene {
 
   TemporaryFolder folder_;
   std::unique_ptr<ResidentScene> scene_;
+  std::vector<FineMask> fine_;
   std::vector<StoredTriangle> triangles_;
 };
 

@@ -17,11 +17,13 @@ void LightRays::Shadowed(PacketWork& work, uint64_t lanes) const {
   const uint64_t arrived = missed & ~rays.see_through;
   Arrived(work, arrived);
   Stopped(work, lanes & ~arrived & ~passing);
-  ForEachLane(passing, [&](uint32_t i) {
-    rays.StartAgain(i);
-    s.passed[i] = 0;
-  });
-  s.Move(passing, SamplePacket::kShadow, SamplePacket::kPass);
+  ForEachLane(passing, [&](uint32_t i) { s.passed[i] = 0; });
+  const uint64_t one = passing & rays.one_see_through, more = passing & ~one;
+  ForEachLane(one, [&](uint32_t i) { rays.TakeNotedHit(i); });
+  ForEachLane(more, [&](uint32_t i) { rays.StartAgain(i); });
+  if (work.view.filter) work.view.filter->Begin(work, one);
+  s.Move(one, SamplePacket::kShadow, SamplePacket::kTint);
+  s.Move(more, SamplePacket::kShadow, SamplePacket::kPass);
   s.Move(lanes & ~passing, SamplePacket::kShadow, SamplePacket::kLight);
 }
 
@@ -33,10 +35,11 @@ void LightRays::Passed(PacketWork& work, uint64_t lanes) const {
 uint64_t LightRays::Tint(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   uint64_t waiting = 0, passing = 0;
+  const uint64_t last = work.rays.one_see_through;
   if (work.view.filter) {
     const HitFilter::Verdict verdict = work.view.filter->Test(work, lanes);
-    ForEachLane(verdict.rejected, [&](uint32_t i) { work.rays.GoOnAfterHit(i, End(work, i)); });
-    s.Move(verdict.rejected, SamplePacket::kTint, SamplePacket::kPass);
+    ForEachLane(verdict.rejected & ~last, [&](uint32_t i) { work.rays.GoOnAfterHit(i, End(work, i)); });
+    GoOn(work, verdict.rejected & ~last, verdict.rejected & last);
     waiting = verdict.waiting;
     lanes = verdict.there;
   }
@@ -52,9 +55,16 @@ uint64_t LightRays::Tint(PacketWork& work, uint64_t lanes) const {
   }
   const uint64_t stopped = lanes & ~waiting & ~passing;
   Stopped(work, stopped);
-  s.Move(passing, SamplePacket::kTint, SamplePacket::kPass);
+  GoOn(work, passing & ~last, passing & last);
   s.Move(stopped, SamplePacket::kTint, SamplePacket::kLight);
   return waiting;
+}
+
+/// The light rays of `more` go on behind their hits; those of `arrived` have no further ones.
+void LightRays::GoOn(PacketWork& work, uint64_t more, uint64_t arrived) const {
+  if (arrived != 0) Arrived(work, arrived);
+  work.samples.Move(more, SamplePacket::kTint, SamplePacket::kPass);
+  work.samples.Move(arrived, SamplePacket::kTint, SamplePacket::kLight);
 }
 
 bool LightRays::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const {

@@ -5,8 +5,9 @@
 namespace quarry {
 
 /// Follows light rays: shadow rays, occlusion rays, and rays of lists that may end at any hit. A ray that has
-/// met no opaque hit, but a see-through triangle, is traced again from triangle to triangle: holes let it
-/// pass, and glass where it `tints`.
+/// met no opaque hit, but see-through triangles, passes them where they have holes, and glass where it
+/// `tints`. One such triangle is looked at at once; for several the ray is traced again from triangle to
+/// triangle.
 class LightRays : public Integrator {
  public:
   void Shadowed(PacketWork& work, uint64_t lanes) const final;
@@ -27,6 +28,9 @@ class LightRays : public Integrator {
   /// Tints a light ray by the triangle of `voxel` that it has hit. Returns: whether light is left; then the
   /// ray goes on behind the triangle, up to its end.
   virtual bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const;
+
+ private:
+  void GoOn(PacketWork& work, uint64_t more, uint64_t arrived) const;
 };
 
 }  // namespace quarry

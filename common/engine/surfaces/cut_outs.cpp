@@ -63,7 +63,7 @@ CutOuts::Cut CutOuts::TestMask(const PacketWork& work, uint32_t lane, HotBlockOf
   if (!block) return Cut::kWaits;
   const VoxelGeometry& voxel = block->hot;
   const uint32_t local = rays.local[lane], mask = voxel.masks ? voxel.masks[local] : kOpaqueMask;
-  const OpacityState state = StateAt(mask, rays.b1[lane], rays.b2[lane]);
+  const OpacityState state = StateAt(mask, voxel.fine_masks, rays.b1[lane], rays.b2[lane]);
   if (state == OpacityState::kTransparent) return Cut::kInHole;
   cut.texels[lane] = CutPacket::kThere;
   cut.material[lane] = voxel.materials[local];

@@ -73,12 +73,12 @@ QUARRY_HOST_DEVICE inline typename L::Mask TestMoved(const RayFrame<L>& frame, c
   return Keep<L>(found, triangle, voxel, local, best);
 }
 
-/// Whether a hit of a triangle that MayPass() counts for ray i of the packet. Notes the triangle if it must.
+/// Whether a hit of a triangle that MayPass() counts for ray i of the packet. Notes the hit if it must.
 template <bool kAnyHit, class Index>
-QUARRY_HOST_DEVICE inline bool Counts(const VoxelGeometryOf<Index>& voxel, uint32_t local, float b1, float b2,
-                                      RayPacket& rays, uint32_t i) {
+inline bool Counts(const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id, uint32_t local, float t, float b1,
+                   float b2, RayPacket& rays, uint32_t i) {
   const HitEffect effect = EffectOf<kAnyHit>(voxel, local, b1, b2);
-  if (effect == HitEffect::kNoted) rays.NoteSeeThrough(i);
+  if (effect == HitEffect::kNoted) rays.NoteHit(i, {t, voxel.triangle_ids[local], b1, b2, voxel_id, local});
   return effect == HitEffect::kCounts;
 }
 

@@ -92,11 +92,12 @@ QUARRY_HOST_DEVICE inline void DropPassed(const PacketRays<L>& p, uint32_t g, ty
 /// for the rays that must remember it.
 template <class L, bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline void DropUncounted(const PacketRays<L>& p, uint32_t g,
-                                             const VoxelGeometryOf<Index>& voxel, uint32_t local,
-                                             TriangleHit<L>& found) {
+                                             const VoxelGeometryOf<Index>& voxel, uint32_t voxel_id,
+                                             uint32_t local, TriangleHit<L>& found) {
   uint32_t counted = 0;
-  ForEachLaneHit<L>(found, p.best[g].t, [&](uint32_t lane, float, float b1, float b2) {
-    if (Counts<kAnyHit>(voxel, local, b1, b2, *p.rays, g * L::kLanes + lane)) counted |= 1u << lane;
+  ForEachLaneHit<L>(found, p.best[g].t, [&](uint32_t lane, float t, float b1, float b2) {
+    if (Counts<kAnyHit>(voxel, voxel_id, local, t, b1, b2, *p.rays, g * L::kLanes + lane))
+      counted |= 1u << lane;
   });
   found.hit = L::FromBits(counted);
 }
@@ -187,7 +188,7 @@ QUARRY_HOST_DEVICE inline bool TestTriangles(const VoxelGeometryOf<Index>& voxel
       if (p.bounded != 0) [[unlikely]]
         DropPassed<L>(p, g, triangle, found);
       if (MayPass<kAnyHit>(voxel, local)) {
-        DropUncounted<L, kAnyHit>(p, g, voxel, local, found);
+        DropUncounted<L, kAnyHit>(p, g, voxel, voxel_id, local, found);
         if (L::None(found.hit)) continue;
       }
       const Mask kept = Keep<L, kAnyHit>(found, triangle, L::SetInt(voxel_id), L::SetInt(local), p.best[g]);
@@ -261,24 +262,25 @@ QUARRY_HOST_DEVICE inline bool TestTrianglesRayByRay(const VoxelGeometryOf<Index
     uint64_t hit = 0;
     for (uint32_t k = 0; k < m; ++k) {
       const uint32_t i = ray[k];
-      block.ForEachHit(block_ray(i), may[k], best_t[i], statistics,
-                       [&](uint32_t place, float t, float hit_b1, float hit_b2) {
-                         const uint32_t id = voxel.triangle_ids[references[place]];
-                         const RayBound<ScalarLane> bound = BoundOf(*p.rays, i);
-                         if (!Follows<ScalarLane>(t, id, bound.t, bound.triangle)) return;
-                         if (MayPass<kAnyHit>(voxel, references[place]) &&
-                             !Counts<kAnyHit>(voxel, references[place], hit_b1, hit_b2, *p.rays, i))
-                           return;
-                         const bool before = (hit >> i & 1) != 0;
-                         if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;
-                         hit |= uint64_t{1} << i;
-                         best_t[i] = t;
-                         b1[i] = hit_b1;
-                         b2[i] = hit_b2;
-                         triangle[i] = id;
-                         local[i] = references[place];
-                         if (kAnyHit) p.occluder = {voxel_id, r + place};
-                       });
+      block.ForEachHit(
+          block_ray(i), may[k], best_t[i], statistics,
+          [&](uint32_t place, float t, float hit_b1, float hit_b2) {
+            const uint32_t id = voxel.triangle_ids[references[place]];
+            const RayBound<ScalarLane> bound = BoundOf(*p.rays, i);
+            if (!Follows<ScalarLane>(t, id, bound.t, bound.triangle)) return;
+            if (MayPass<kAnyHit>(voxel, references[place]) &&
+                !Counts<kAnyHit>(voxel, voxel_id, references[place], t, hit_b1, hit_b2, *p.rays, i))
+              return;
+            const bool before = (hit >> i & 1) != 0;
+            if (before && !Precedes<ScalarLane>(t, id, best_t[i], triangle[i])) return;
+            hit |= uint64_t{1} << i;
+            best_t[i] = t;
+            b1[i] = hit_b1;
+            b2[i] = hit_b2;
+            triangle[i] = id;
+            local[i] = references[place];
+            if (kAnyHit) p.occluder = {voxel_id, r + place};
+          });
     }
     if (hit == 0) continue;
     kept_any = true;

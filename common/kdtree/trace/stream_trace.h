@@ -333,7 +333,8 @@ class StreamTracer {
     const auto keep = [&](uint32_t id, uint32_t local, float t, float b1, float b2) {
       if (bounded_ != 0 && Passed(id, t, voxel.triangle_ids[local])) [[unlikely]]
         return;
-      if (MayPass<kAnyHit>(voxel, local) && !Counts<kAnyHit>(voxel, local, b1, b2, PacketOf(id), LaneOf(id)))
+      if (MayPass<kAnyHit>(voxel, local) &&
+          !Counts<kAnyHit>(voxel, voxel_id, local, t, b1, b2, PacketOf(id), LaneOf(id)))
         return;
       Keep(id, {true, t, b1, b2}, voxel.triangle_ids[local], voxel_id, local);
     };

@@ -82,7 +82,8 @@ QUARRY_HOST_DEVICE inline bool TestLeaf(WideSlot<L, Index>& s, Statistics& stati
     ForEachLaneHit<L>(found, L::Set(s.best.t), [&](uint32_t i, float t, float b1, float b2) {
       const uint32_t id = voxel.triangle_ids[local[i]];
       if (!Follows<ScalarLane>(t, id, s.bound.t, s.bound.triangle)) return;
-      if (MayPass<kAnyHit>(voxel, local[i]) && !Counts<kAnyHit>(voxel, local[i], b1, b2, *s.packet, s.index))
+      if (MayPass<kAnyHit>(voxel, local[i]) &&
+          !Counts<kAnyHit>(voxel, s.voxel_id, local[i], t, b1, b2, *s.packet, s.index))
         return;
       any |= Keep<ScalarLane, kAnyHit>({true, t, b1, b2}, id, s.voxel_id, local[i], s.best);
     });

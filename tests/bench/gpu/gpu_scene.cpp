@@ -12,16 +12,29 @@ namespace quarry::bench {
 
 namespace {
 
-/// Of four triangles two are opaque, one has a mask of all states, one is transparent in part.
-uint32_t MaskOf(uint32_t id) {
-  if (id % 4 < 2) return kOpaqueMask;
-  std::mt19937 random(id);
+constexpr uint32_t kFineMasks = 16;
+
+/// States of 16 sub-triangles: all of them, or no mixed ones.
+uint32_t SomeStates(std::mt19937& random, bool mixed) {
   uint32_t mask = 0;
-  for (uint32_t sub = 0; sub < kSubTriangles; ++sub) {
-    const uint32_t state = id % 4 == 2 ? random() % 3 : 1 + random() % 2;
-    mask |= state << (2 * sub);
-  }
+  for (uint32_t sub = 0; sub < 16; ++sub) mask |= (mixed ? random() % 3 : 1 + random() % 2) << (2 * sub);
   return mask;
+}
+
+/// Of five triangles two are opaque, one has a mask of all states, one is transparent in part, one names a
+/// fine mask.
+uint32_t MaskOf(uint32_t id) {
+  if (id % 5 < 2) return kOpaqueMask;
+  std::mt19937 random(id);
+  return id % 5 < 4 ? SomeStates(random, id % 5 == 2) : NameFineMask(random() % kFineMasks);
+}
+
+std::vector<FineMask> SomeFineMasks() {
+  std::mt19937 random(1);
+  std::vector<FineMask> masks(kFineMasks);
+  for (FineMask& mask : masks)
+    for (uint32_t& word : mask.words) word = SomeStates(random, true);
+  return masks;
 }
 
 }  // namespace
@@ -61,7 +74,7 @@ void TraceInParallel(const test::SceneView& view, TraceFunction trace, std::vect
 Result<std::unique_ptr<GpuScene>> GpuScene::Load(const std::string& store, bool masks) {
   auto scene = std::make_unique<GpuScene>();
   QUARRY_ASSIGN(scene->resident_, test::ResidentScene::Load(store));
-  if (masks) scene->resident_->SetMasks(MaskOf);
+  if (masks) scene->resident_->SetMasks(MaskOf, SomeFineMasks());
   for (const GpuWay& way : kGpuWays) {
     auto& device = scene->devices_[static_cast<size_t>(way.layout)];
     if (device) continue;

@@ -73,11 +73,15 @@ Result<std::unique_ptr<ResidentScene>> ResidentScene::Load(const std::string& pa
   return scene;
 }
 
-void ResidentScene::SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of) {
+void ResidentScene::SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of,
+                             std::vector<FineMask> fine) {
+  fine_masks_ = std::move(fine);
   for (VoxelGeometry& voxel : views_[0]->voxels_) {
     std::vector<uint32_t>& masks = masks_.emplace_back(voxel.triangle_count);
     for (uint32_t t = 0; t < voxel.triangle_count; ++t) masks[t] = mask_of(voxel.triangle_ids[t]);
     voxel.masks = masks.data();
+    voxel.fine_masks = fine_masks_.data();
+    voxel.fine_mask_count = static_cast<uint32_t>(fine_masks_.size());
     MarkSeeThrough(catalog().materials, voxel);
   }
 }

@@ -70,9 +70,9 @@ class ResidentScene {
   const SceneView& view() const { return *views_[0]; }
   /// Made at the first call. Not thread-safe.
   const SceneView& view(TreeLayout layout);
-  /// Gives each triangle the opacity mask `mask_of(id)`, as if the store had it. Requires: no other layout
-  /// has been made.
-  void SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of);
+  /// Gives each triangle the opacity mask `mask_of(id)`, which may name one of `fine`, as if the store had
+  /// it. Requires: no other layout has been made.
+  void SetMasks(const std::function<uint32_t(uint32_t id)>& mask_of, std::vector<FineMask> fine);
   /// Hides the parts for which `is_hidden` is true, as a view may. Requires: as SetMasks().
   void Hide(const std::function<bool(uint32_t part)>& is_hidden);
 
@@ -80,8 +80,9 @@ class ResidentScene {
   std::unique_ptr<StoreReader> store_;
   std::vector<GuardedBytes> bytes_;
   std::vector<std::vector<uint32_t>> masks_;  ///< of voxels, as given to SetMasks()
-  std::vector<uint64_t> hidden_;              ///< a bit a part, as given to Hide()
-  std::unique_ptr<SceneView> views_[4];       ///< by TreeLayout
+  std::vector<FineMask> fine_masks_;
+  std::vector<uint64_t> hidden_;         ///< a bit a part, as given to Hide()
+  std::unique_ptr<SceneView> views_[4];  ///< by TreeLayout
   uint64_t decoded_bytes_ = 0;
 };
 

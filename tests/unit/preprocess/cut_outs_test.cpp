@@ -4,6 +4,7 @@
 #include <cmath>
 #include <csignal>
 #include <fstream>
+#include <numeric>
 #include <random>
 #include <set>
 
@@ -89,30 +90,38 @@ ImageDecoding Helper() {
 
 }  // namespace
 
-TEST_CASE("A point lies in one of 16 sub-triangles of equal area", "[texture]") {
+TEMPLATE_TEST_CASE_SIG("A point lies in one of 16 or 1,024 sub-triangles of equal area", "[texture]",
+                       ((uint32_t kParts), kParts), kMaskSteps, kFineMaskSteps) {
   // The corners of a sub-triangle and points near them give its number, the borders' points one of those
   // about.
-  std::vector<int> points(kSubTriangles);
-  constexpr int kSteps = 400;
+  constexpr uint32_t kAll = kParts * kParts;
+  std::vector<int> points(kAll);
+  constexpr int kSteps = 1600;
   int all = 0;
   for (int i = 0; i < kSteps; ++i)
     for (int j = 0; i + j < kSteps; ++j, ++all) {
       const float b1 = (static_cast<float>(i) + 0.33f) / kSteps,
                   b2 = (static_cast<float>(j) + 0.33f) / kSteps;
-      const uint32_t sub = SubTriangleOf(b1, b2);
-      REQUIRE(sub < kSubTriangles);
-      ++points[sub];
+      const uint32_t sub = SubTriangleOf<kParts>(b1, b2);
+      if (sub < kAll) ++points[sub];
     }
-  for (const int count : points) CHECK(std::abs(count - all / 16) < all / 200);
-  CHECK(SubTriangleOf(0, 0) == 0);
-  CHECK(SubTriangleOf(1, 0) == 6);
-  CHECK(SubTriangleOf(0, 1) == 15);
-  CHECK(SubTriangleOf(0.3f, 0.3f) == 9);    // in the inner triangle
-  CHECK(SubTriangleOf(0.24f, 0.24f) == 1);  // inverted, beside the first corner's
+  CHECK(std::accumulate(points.begin(), points.end(), 0) == all);
+  for (const int count : points) CHECK(std::abs(count - all / int{kAll}) < all / int{kAll} / 8);
   for (const float beyond : {-1e-6f, 1 + 1e-6f, 1e30f, -1e30f, std::nanf("")}) {
-    CHECK(SubTriangleOf(beyond, 0.1f) < kSubTriangles);
-    CHECK(SubTriangleOf(0.1f, beyond) < kSubTriangles);
+    CHECK(SubTriangleOf<kParts>(beyond, 0.1f) < kAll);
+    CHECK(SubTriangleOf<kParts>(0.1f, beyond) < kAll);
   }
+}
+
+TEST_CASE("Sub-triangles are numbered row by row", "[texture]") {
+  CHECK(SubTriangleOf<4>(0, 0) == 0);
+  CHECK(SubTriangleOf<4>(1, 0) == 6);
+  CHECK(SubTriangleOf<4>(0, 1) == 15);
+  CHECK(SubTriangleOf<4>(0.3f, 0.3f) == 9);    // in the inner triangle
+  CHECK(SubTriangleOf<4>(0.24f, 0.24f) == 1);  // inverted, beside the first corner's
+  CHECK(SubTriangleOf<16>(1, 0) == 30);
+  CHECK(SubTriangleOf<16>(0, 1) == 255);
+  CHECK(SubTriangleOf<16>(0, 0.07f) == 31);  // the first of the second row
 }
 
 TEST_CASE("Masks claim only what all touched texels confirm, and little less", "[texture]") {
@@ -137,34 +146,43 @@ TEST_CASE("Masks claim only what all touched texels confirm, and little less", "
   const auto cut_outs =
       CutOuts::Read(materials, {ImageIn(folder.file("g.pgm"))}, Helper(), folder.file("tiles"), progress);
   REQUIRE(cut_outs);
-  uint64_t stated = 0, mixed = 0, needless = 0;
+  uint64_t stated = 0, mixed = 0, fine_mixed = 0, needless = 0;
   for (int i = 0; i < 600; ++i) {
     TriangleRecord t;
     t.material = static_cast<uint16_t>(random() % materials.size());
     const float size = i % 3 == 0 ? 0.02f : i % 3 == 1 ? 0.2f : 1.5f;
     const glm::vec2 at(8 * unit(random) - 4, 8 * unit(random) - 4);
     for (glm::vec2& uv : t.uvs) uv = at + size * glm::vec2(unit(random), unit(random));
-    const uint32_t mask = cut_outs->MaskOf(t);
-    REQUIRE(IsMask(mask));
-    TexelStates found[kSubTriangles], all;
+    const TriangleMask mask = cut_outs->MaskAt(cut_outs->PlaceOf(t));
+    REQUIRE(HoldsStates(mask.coarse));
+    for (const uint32_t word : mask.fine.words) REQUIRE(HoldsStates(word));
+    TexelStates found[kSubTriangles], fine_found[kFineSubTriangles], all;
     constexpr int kSteps = 120;
     for (int a = 0; a <= kSteps; ++a)
       for (int b = 0; a + b <= kSteps; ++b) {
         const float b1 = static_cast<float>(a) / kSteps, b2 = static_cast<float>(b) / kSteps;
         const TexelStates states = LookUp(image, t, materials[t.material].textures[0], b1, b2);
-        found[SubTriangleOf(b1, b2)].Meet(states);
+        found[SubTriangleOf<kMaskSteps>(b1, b2)].Meet(states);
+        fine_found[SubTriangleOf<kFineMaskSteps>(b1, b2)].Meet(states);
         all.Meet(states);
       }
-    CHECK(cut_outs->IsTransparent(t) == (mask == kTransparentMask));
+    CHECK(cut_outs->IsTransparent(t) == (mask.coarse == kTransparentMask));
     for (uint32_t sub = 0; sub < kSubTriangles; ++sub) {
-      const OpacityState state = StateOf(mask, sub);
+      const OpacityState state = StateOf(mask.coarse, sub);
       if (state == OpacityState::kOpaque) REQUIRE(found[sub].opaque);
       if (state == OpacityState::kTransparent) REQUIRE(found[sub].transparent);
       stated += state != OpacityState::kMixed;
       mixed += state == OpacityState::kMixed;
       needless += state == OpacityState::kMixed && !found[sub].mixed();
     }
+    for (uint32_t sub = 0; sub < kFineSubTriangles; ++sub) {
+      const OpacityState state = StateOf(mask.fine.words[sub / 16], sub % 16);
+      if (state == OpacityState::kOpaque) REQUIRE(fine_found[sub].opaque);
+      if (state == OpacityState::kTransparent) REQUIRE(fine_found[sub].transparent);
+      fine_mixed += state == OpacityState::kMixed;
+    }
   }
+  CHECK(fine_mixed < mixed * (kFineSubTriangles / kSubTriangles) / 2);  // half of what coarse masks leave open, and less
   CHECK(stated > 2000);
   CHECK(mixed > 500);
   CHECK(needless * 20 < mixed);  // texels between the sampled points, or within the slack
@@ -189,7 +207,7 @@ TEST_CASE("Texels at borders of tiles and at far coordinates are classified corr
     t.uvs[0] = {(x - by) / 200, (y - by) / 130};
     t.uvs[1] = {(x + 2 * by) / 200, (y - by) / 130};
     t.uvs[2] = {(x - by) / 200, (y + 2 * by) / 130};
-    return cut_outs->MaskOf(t);
+    return cut_outs->MaskAt(cut_outs->PlaceOf(t)).coarse;
   };
   CHECK(mask_about(128.5f, 64.5f, 0.1f) == 0);
   for (const float far : {1.7f, -1.7f}) {
@@ -200,9 +218,6 @@ TEST_CASE("Texels at borders of tiles and at far coordinates are classified corr
   CHECK(mask_about(128.5f + 200 * 3, 64.5f - 130 * 5, 0.1f) == 0);
   CHECK(mask_about(1e20f, 3, 1) == 0);
   CHECK(mask_about(std::nanf(""), 3, 1) == kOpaqueMask);  // as at (0, 0)
-  TriangleRecord other;
-  other.material = 1;
-  CHECK(cut_outs->MaskOf(other) == kOpaqueMask);
   CHECK_FALSE(cut_outs->IsMapped(1));
   CHECK_FALSE(cut_outs->failed());
 }

@@ -293,8 +293,8 @@ Bytes Stored(const Bytes& streams) {
 }
 
 size_t DecodedBytes(const HotVoxel& v) {
-  return HotBytes(v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size(),
-                  v.masks.size());
+  return HotBytes(v.wide_nodes, v.references.size(), v.triangle_ids.size(), v.vertices.size(), v.masks.size(),
+                  v.fine_masks.size());
 }
 
 /// The sentence that a block is refused with.
@@ -415,11 +415,18 @@ TEST_CASE("Blocks of random numbers are restored unchanged") {
     v.materials.clear();
     v.parts.clear();
     v.masks.clear();
+    v.fine_masks.clear();
     for (uint32_t i = 0; i < triangles; ++i) {
       v.triangle_ids.push_back(random());
       v.parts.push_back(random() >> 1);
       // States of no more than 2, and in every other voxel none.
       if (triangles % 2 == 1) v.masks.push_back(random() & kOpaqueMask << (random() % 2));
+      // Some triangles of the larger ones name fine masks.
+      if (triangles >= 63 && triangles % 2 == 1 && i % 5 == 0) {
+        v.masks.back() = NameFineMask(static_cast<uint32_t>(v.fine_masks.size()));
+        for (uint32_t& word : v.fine_masks.emplace_back().words)
+          word = random() & kOpaqueMask << (random() % 2);
+      }
       v.materials.push_back(static_cast<uint16_t>(random()));
       v.references.push_back(static_cast<uint16_t>(i));
       for (int k = 0; k < 3; ++k) {
@@ -447,6 +454,8 @@ TEST_CASE("Blocks of random numbers are restored unchanged") {
     CHECK(encoded.masks == !v.masks.empty());
     REQUIRE((hot->masks != nullptr) == encoded.masks);
     CHECK(std::equal(v.masks.begin(), v.masks.end(), hot->masks));
+    REQUIRE(hot->fine_mask_count == v.fine_masks.size());
+    CHECK(std::equal(v.fine_masks.begin(), v.fine_masks.end(), hot->fine_masks));
   }
 }
 
@@ -457,6 +466,26 @@ TEST_CASE("A hot block whose opacity masks hold a fourth state is refused") {
   for (int bit = 0; bit < 32; bit += 2) {
     v.masks[1] = kTransparentMask | 1u << bit;
     CHECK_THAT(Refusal(v), Catch::Contains("an opacity mask holds an invalid state"));
+  }
+}
+
+TEST_CASE("A hot block is refused that names a fine mask it lacks, or has one of a fourth state") {
+  HotVoxel v = MakeHot();
+  v.masks = {NameFineMask(0), kTransparentMask};
+  CHECK_THAT(Refusal(v), Catch::Contains("names a fine mask that it lacks"));
+  v.fine_masks.push_back({});
+  CHECK(Refusal(v).empty());
+  v.masks[1] = NameFineMask(1);
+  CHECK_THAT(Refusal(v), Catch::Contains("names a fine mask that it lacks"));
+  v.masks[1] = NameFineMask(0) & ~(1u << 28);  // as decoding marks glass, no store does
+  CHECK_THAT(Refusal(v), Catch::Contains("an opacity mask holds an invalid state"));
+  v.masks[1] = NameFineMask(0);
+  for (uint32_t& word : v.fine_masks[0].words) {
+    word = kOpaqueMask;
+    CHECK(Refusal(v).empty());
+    word |= 2u << 12;
+    CHECK_THAT(Refusal(v), Catch::Contains("a fine opacity mask holds an invalid state"));
+    word = kTransparentMask;
   }
 }
 
