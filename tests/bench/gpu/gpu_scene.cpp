@@ -14,7 +14,7 @@ namespace {
 
 constexpr uint32_t kFineMasks = 16;
 
-/// States of 16 sub-triangles: all of them, or no mixed ones.
+/// States of 16 sub-triangles, of all kinds or without mixed ones.
 uint32_t SomeStates(std::mt19937& random, bool mixed) {
   uint32_t mask = 0;
   for (uint32_t sub = 0; sub < 16; ++sub) mask |= (mixed ? random() % 3 : 1 + random() % 2) << (2 * sub);
