@@ -14,23 +14,26 @@ uint64_t GatherTexels(const PacketWork& work, uint64_t lanes, const TexturePyram
   const FootprintPacket& footprints = work.scratch.footprints;
   lanes &= LanesAt(0, work.lookups->texels);
   PlaceTexels(pyramid, footprints, lanes, texels);
-  uint64_t whole = 0;
-  uint32_t page = kNoIndex;  // of the last texel; neighbours usually share it
+  uint64_t missing = 0;
+  uint32_t page = kNoIndex;  // of the last texel; neighbours in a level usually share it
   const ResidentBlock* block = nullptr;
-  ForEachLane(lanes, [&](uint32_t i) {
-    const uint32_t count = footprints.share[i] > 0 ? 8 : 4;
-    for (uint32_t n = 0; n < count; ++n) {
-      if (texels.page[n][i] != page) {
-        page = texels.page[n][i];
-        block = work.Find(BlockKey::Page(page));
+  for (uint32_t level = 0; level < 2; ++level)
+    ForEachLane(lanes & ~missing, [&](uint32_t i) {
+      if (level == 1 && !(footprints.share[i] > 0)) return;
+      for (uint32_t n = 4 * level; n < 4 * level + 4; ++n) {
+        if (texels.page[n][i] != page) {
+          page = texels.page[n][i];
+          block = work.Find(BlockKey::Page(page));
+        }
+        if (!block) {
+          missing |= uint64_t{1} << i;
+          return;
+        }
+        const std::span<const std::byte> bytes = block->bytes.bytes();
+        texels.codes[n][i] = CodesAt(bytes.data(), bytes.size(), texels.index[n][i], pyramid.layout.channels);
       }
-      if (!block) return;
-      const std::span<const std::byte> bytes = block->bytes.bytes();
-      texels.codes[n][i] = CodesAt(bytes.data(), bytes.size(), texels.index[n][i], pyramid.layout.channels);
-    }
-    whole |= uint64_t{1} << i;
-  });
-  return whole;
+    });
+  return lanes & ~missing;
 }
 
 /// Continues lookups texel by texel. Returns: the lanes that wait for a page, which are parked.

@@ -38,50 +38,49 @@ void TexelsAlongLanes(TextureWrap wrap, const float (&positions)[RayPacket::kRay
 
 using Sums = float[4][RayPacket::kRays];
 
-/// Adds texel kN of lookups to their sums, as AddTexel() does. kChannels 0: slopes.
-template <uint32_t kChannels, uint32_t kN>
-void AddTexels(const float* colors, const FootprintPacket& footprints,
-               const uint32_t (&codes)[RayPacket::kRays], uint64_t lanes, Sums& sums) {
-  constexpr uint32_t kCoarser = kN / 4;
-  constexpr bool kRight = (kN & 1) != 0, kLower = (kN & 2) != 0;
-  const FootprintPacket::Texels& t = footprints.texels[kCoarser];
-  const float(&shares)[RayPacket::kRays] = footprints.share;
-  const float* const linear = kTexelCodes.linear;
-  ForLanes(lanes, [&](int i, bool meant) {
-    const float share = kCoarser == 1 ? shares[i] : 1 - shares[i];
-    const float across = kRight ? t.fx[i] : 1 - t.fx[i], down = kLower ? t.fy[i] : 1 - t.fy[i];
-    const bool there = (static_cast<int>(meant) & static_cast<int>(kCoarser == 0 || shares[i] > 0)) != 0;
-    const auto code = static_cast<int32_t>(codes[i]);
-    const float first = colors[code & 255];
-    if constexpr (kChannels == 0) {
-      const float height = share * first;
-      const auto width = static_cast<float>(static_cast<int32_t>(t.width[i]));
-      const auto rows = static_cast<float>(static_cast<int32_t>(t.height[i]));
-      Put(there, i, sums[0][i] + (kRight ? height : -height) * down * width, sums[0]);
-      Put(there, i, sums[1][i] + (kLower ? height : -height) * across * rows, sums[1]);
-    } else {
-      const float weight = share * across * down;
-      float second = first, third = first, last = 1;
-      if constexpr (kChannels >= 3) {
-        second = colors[code >> 8 & 255];
-        third = colors[code >> 16 & 255];
-      }
-      if constexpr (kChannels % 2 == 0) last = linear[code >> (8 * (kChannels - 1)) & 255];
-      Put(there, i, sums[0][i] + first * weight, sums[0]);
-      Put(there, i, sums[1][i] + second * weight, sums[1]);
-      Put(there, i, sums[2][i] + third * weight, sums[2]);
-      Put(there, i, sums[3][i] + last * weight, sums[3]);
-    }
-  });
-}
-
+/// Adds the texels of lookups to their sums, as AddTexel() does, in its order. kChannels 0: slopes.
 template <uint32_t kChannels>
 void SumTexels(const float* colors, const FootprintPacket& footprints, const TexelPacket& texels,
                uint64_t lanes, Sums& sums) {
-  [&]<uint32_t... kN>(std::integer_sequence<uint32_t, kN...>) {
-    (AddTexels<kChannels, kN>(colors, footprints, texels.codes[kN], lanes, sums), ...);
-  }
-  (std::make_integer_sequence<uint32_t, TexelPacket::kMost>());
+  const float* const linear = kTexelCodes.linear;
+  ForLanes(lanes, [&](int i, bool meant) {
+    float sum[4] = {sums[0][i], sums[1][i], sums[2][i], sums[3][i]};
+    const float coarser = footprints.share[i];
+    const auto add = [&]<uint32_t kN>(std::integral_constant<uint32_t, kN>) {
+      constexpr bool kCoarser = kN >= 4, kRight = (kN & 1) != 0, kLower = (kN & 2) != 0;
+      const FootprintPacket::Texels& t = footprints.texels[kCoarser ? 1 : 0];
+      const float share = kCoarser ? coarser : 1 - coarser;
+      const float across = kRight ? t.fx[i] : 1 - t.fx[i], down = kLower ? t.fy[i] : 1 - t.fy[i];
+      const auto code = static_cast<int32_t>(texels.codes[kN][i]);
+      const float first = colors[code & 255];
+      float added[4] = {};
+      if constexpr (kChannels == 0) {
+        const float height = share * first;
+        added[0] = (kRight ? height : -height) * down * static_cast<float>(static_cast<int32_t>(t.width[i]));
+        added[1] =
+            (kLower ? height : -height) * across * static_cast<float>(static_cast<int32_t>(t.height[i]));
+      } else {
+        const float weight = share * across * down;
+        float second = first, third = first, last = 1;
+        if constexpr (kChannels >= 3) {
+          second = colors[code >> 8 & 255];
+          third = colors[code >> 16 & 255];
+        }
+        if constexpr (kChannels % 2 == 0) last = linear[code >> (8 * (kChannels - 1)) & 255];
+        added[0] = first * weight;
+        added[1] = second * weight;
+        added[2] = third * weight;
+        added[3] = last * weight;
+      }
+      const bool there = !kCoarser || coarser > 0;
+      for (int c = 0; c < (kChannels == 0 ? 2 : 4); ++c) sum[c] = there ? sum[c] + added[c] : sum[c];
+    };
+    [&]<uint32_t... kN>(std::integer_sequence<uint32_t, kN...>) {
+      (add(std::integral_constant<uint32_t, kN>()), ...);
+    }
+    (std::make_integer_sequence<uint32_t, TexelPacket::kMost>());
+    for (int c = 0; c < 4; ++c) Put(meant, i, sum[c], sums[c]);
+  });
 }
 
 }  // namespace
