@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/kdtree/opacity_mask.h"
+#include "preprocess/partition/mask_place.h"
 #include "preprocess/spill/triangle_record.h"
-#include "preprocess/texture/mask_place.h"
 
 namespace quarry {
 

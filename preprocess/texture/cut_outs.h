@@ -10,9 +10,9 @@
 #include "common/kdtree/opacity_mask.h"
 #include "common/scene/material.h"
 #include "preprocess/import/texture_image.h"
+#include "preprocess/partition/mask_place.h"
 #include "preprocess/spill/triangle_record.h"
 #include "preprocess/texture/image_decoder.h"
-#include "preprocess/texture/mask_place.h"
 #include "preprocess/texture/opacity_map.h"
 #include "preprocess/texture/texel_sweep.h"
 

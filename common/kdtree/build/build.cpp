@@ -53,13 +53,10 @@ bool Narrow(const PointBox& box, double growth, KdReference& r) {
 
 /// Removes references to nothing, and keeps the order of the others. Returns how many are left.
 ptrdiff_t RemoveEmpty(std::span<KdReference> references) {
-  // Not of std::ranges: clang 14 cannot compile what libstdc++ returns there.
-  return std::remove_if(
-             references.begin(), references.end(),
-             [](const KdReference& r) {
-               return !(r.lower[0] <= r.upper[0] && r.lower[1] <= r.upper[1] && r.lower[2] <= r.upper[2]);
-             }) -
-         references.begin();
+  const auto is_empty = [](const KdReference& r) {
+    return !(r.lower[0] <= r.upper[0] && r.lower[1] <= r.upper[1] && r.lower[2] <= r.upper[2]);
+  };
+  return std::remove_if(references.begin(), references.end(), is_empty) - references.begin();
 }
 
 /// A reference as one vector.

@@ -182,7 +182,7 @@ TEST_CASE("Masks claim only what all touched texels confirm, and little less", "
       fine_mixed += state == OpacityState::kMixed;
     }
   }
-  CHECK(fine_mixed < mixed * (kFineSubTriangles / kSubTriangles) / 2);  // half of what coarse masks leave open, and less
+  CHECK(fine_mixed < mixed * (kFineSubTriangles / kSubTriangles) / 2);  // of what coarse masks leave open
   CHECK(stated > 2000);
   CHECK(mixed > 500);
   CHECK(needless * 20 < mixed);  // texels between the sampled points, or within the slack
