@@ -72,7 +72,7 @@ enum class HitEffect {
 };
 
 /// The effect of a hit of a triangle at the weights `b1` and `b2`. Shading looks at the hits that masks leave
-/// open: it may reject a hit of a closest-hit ray (Ray::GoOnAfterHit), and traces noted any-hit rays again.
+/// open: it may reject a hit of a closest-hit ray (Ray::GoOnAfterHit), and looks at what any-hit rays note.
 template <bool kAnyHit, class Index>
 QUARRY_HOST_DEVICE inline HitEffect EffectOf(const VoxelGeometryOf<Index>& voxel, uint32_t triangle, float b1,
                                              float b2) {

@@ -159,7 +159,9 @@ EncodedVoxel BuildVoxel(const VoxelTask& task, float padding, const ShadingOptio
   const auto left_by = [&](size_t bytes) { return voxel_size > bytes ? voxel_size - bytes : 0; };
   VoxelMasks found;
   if (has_masks) {
-    const size_t spare = left_by(HotBytes(0, 0, triangles.size(), vertices.size(), triangles_with_mask));
+    const size_t least = kTreeletHeaderSlots * sizeof(KdNode) +  // of a tree that is a single leaf
+                         HotBytes(1, triangles.size(), triangles.size(), vertices.size(), triangles.size());
+    const size_t spare = left_by(least);
     found = FindMasks(triangles, *masks,
                       std::min(voxel_size / kFineMaskShare, spare / kSpareShare) / sizeof(FineMask));
   }

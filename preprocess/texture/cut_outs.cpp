@@ -17,6 +17,8 @@ namespace {
 /// The parts of a coordinate's magnitude that float arithmetic on the way to a texel may lose: 32 roundings.
 constexpr double kRounding = 0x1p-19;
 constexpr double kLeastSlack = 1.0 / 256;  // texels
+/// Images from the first: half as far as lookups tell places apart (TexelsAlong).
+constexpr double kMostImages = 0x1p19;
 
 /// An image and the rules by which its texels are judged, with the materials that use each.
 struct Wanted {
@@ -147,6 +149,19 @@ uint32_t CoarseOf(const Corners& corners) {
   return SubTriangleOf<kMaskSteps>(middle(0), middle(1));
 }
 
+/// Whether the fine sub-triangles of a triangle may tell more than the coarse ones. They do not where all
+/// touch the same texels, nor where each reaches across an image.
+bool Refines(const TexelTriangle& whole, const OpacityMap& map) {
+  const double sizes[] = {static_cast<double>(map.width()), static_cast<double>(map.height())};
+  double largest = 0;
+  for (size_t a = 0; a < 2; ++a) {
+    const auto [least, most] = std::minmax({whole.corners[0][a], whole.corners[1][a], whole.corners[2][a]});
+    if ((most - least) / kFineMaskSteps + 2 * whole.slack[a] >= sizes[a]) return false;
+    largest = std::max(largest, most - least);
+  }
+  return largest > 1;
+}
+
 OpacityState StateOf(const TexelStates& states) {
   return states.opaque        ? OpacityState::kOpaque
          : states.transparent ? OpacityState::kTransparent
@@ -209,7 +224,9 @@ MaskPlace CutOuts::PlaceOf(const TriangleRecord& triangle) const {
       corners[k] = (row[0] * u + row[1] * v + row[2]) * sizes[a];
       largest = std::max(largest, std::fabs(row[0] * u) + std::fabs(row[1] * v) + std::fabs(double{row[2]}));
     }
-    PutOnGrid(corners, largest * sizes[a] * kRounding + kLeastSlack, PeriodOf(wraps[a], sizes[a]), a, place);
+    const double slack = largest < kMostImages ? largest * sizes[a] * kRounding + kLeastSlack
+                                             : std::numeric_limits<double>::infinity();
+    PutOnGrid(corners, slack, PeriodOf(wraps[a], sizes[a]), a, place);
   }
   return place;
 }
@@ -230,10 +247,11 @@ TriangleMask CutOuts::MaskAt(const MaskPlace& place) const {
   TriangleMask mask{0, {}};
   for (uint32_t sub = 0; sub < kSubTriangles; ++sub)
     mask.coarse |= static_cast<uint32_t>(state_of(CornersOf(sub, kMaskSteps), kMaskSteps)) << (2 * sub);
+  const bool refines = Refines(whole, maps_[uses_[place.material].map]);
   for (uint32_t sub = 0; sub < kFineSubTriangles; ++sub) {
     const Corners corners = CornersOf(sub, kFineMaskSteps);
     OpacityState state = StateOf(mask.coarse, CoarseOf(corners));
-    if (state == OpacityState::kMixed) state = state_of(corners, kFineMaskSteps);
+    if (state == OpacityState::kMixed && refines) state = state_of(corners, kFineMaskSteps);
     mask.fine.words[sub / 16] |= static_cast<uint32_t>(state) << (2 * (sub % 16));
   }
   return mask;

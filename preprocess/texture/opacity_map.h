@@ -30,13 +30,15 @@ struct TexelStates {
 };
 
 /// The rule by which a texel's opacity is judged, times `factor`: below `cutoff` transparent, else opaque. A
-/// cutoff of 0 is none: 0 or less is transparent, 1 or more opaque. See TextureBinding.
+/// cutoff of 0 is none: 0 or less is transparent, 1 or more opaque. See TextureBinding. A texel so near the
+/// cutoff that shading's rounding decides is neither (common/engine/surfaces/cut_outs.cpp).
 struct OpacityRule {
+  static constexpr float kRounding = 2e-6f;
   float factor = 1, cutoff = 0;
 
   TexelStates StatesOf(float texel) const {
     const float opacity = factor * texel;
-    if (cutoff != 0) return {opacity >= cutoff, opacity < cutoff};
+    if (cutoff != 0) return {opacity >= cutoff, opacity + kRounding < cutoff};
     return {opacity >= 1, opacity <= 0};
   }
   auto operator<=>(const OpacityRule&) const = default;

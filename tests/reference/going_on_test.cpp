@@ -319,13 +319,11 @@ uint64_t CompareShadows(const LoadedScene& scene, uint32_t packets, const std::s
   for (const Variant& kernel : AllKernels()) {
     const SceneView& view = scene.resident().view(kernel.layout);
     const std::string by = kernel.name();
-    const bool of_gpu = kernel.grouping.find("steps") != std::string::npos ||
-                        kernel.grouping.find("warp") != std::string::npos;
-    const bool notes = !of_gpu;  // RayPacket::one_see_through
+    const bool notes = !kernel.of_gpu;  // RayPacket::one_see_through
     compare(Resident(view, kernel.any), Resident(view, kernel.closest), by, notes);
     if (kernel.isa == AllKernels().front().isa)
       compare(Suspending(view, {kernel.any}, refused), Resident(view, kernel.closest), by + " suspending",
-              true);
+              notes);
     if (!kernel.coherent_any) continue;
     const Kernel& rest = BestKernel(Grouping::kWide);
     compare(Coherent(view, kernel.coherent_any, rest.any),

@@ -42,7 +42,7 @@ class Integrator {
   virtual void Shadowed(PacketWork& work, uint64_t lanes) const;
   /// kPass: the light rays, traced again to their nearest hits, have hit nothing more.
   virtual void Passed(PacketWork& work, uint64_t lanes) const;
-  /// kTint: the light rays have hit something on that way. Returns: the lanes that wait for a block.
+  /// kTint: the light rays have met something see-through. Returns: the lanes that wait for a block.
   virtual uint64_t Tint(PacketWork& work, uint64_t lanes) const;
   /// kBounce: all light has come; puts the rays that go on into the list of pending rays.
   virtual void Bounce(PacketWork& work, uint64_t lanes) const;

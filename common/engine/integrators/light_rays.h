@@ -6,7 +6,7 @@ namespace quarry {
 
 /// Follows light rays: shadow rays, occlusion rays, and rays of lists that may end at any hit. A ray that has
 /// met no opaque hit, but see-through triangles, passes them where they have holes, and glass where it
-/// `tints`. One such triangle is looked at at once; for several the ray is traced again from triangle to
+/// `tints`. One such triangle is looked at directly; for several the ray is traced again from triangle to
 /// triangle.
 class LightRays : public Integrator {
  public:

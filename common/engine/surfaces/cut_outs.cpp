@@ -113,8 +113,9 @@ CutOuts::Cut CutOuts::TestOpacity(const PacketWork& work, uint32_t lane) {
   if (!done) return work.Park(lane, missing), Cut::kWaits;
   // The weights' sum may fall short of 1, so that an opaque texel would seem a little less.
   constexpr float kRounding = 1e-6f;
-  const float opacity = cut.opacity[lane] * binding.factor.w + kRounding;
-  const bool there = binding.cutoff > 0 ? opacity >= binding.cutoff : opacity > ShareOf(work, lane);
+  const float opacity = cut.opacity[lane] * binding.factor.w;
+  const bool there = binding.cutoff > 0 ? opacity + kRounding >= binding.cutoff
+                                        : opacity > 0 && opacity + kRounding > ShareOf(work, lane);
   if (!there) return Cut::kInHole;
   cut.texels[lane] = CutPacket::kThere;
   return Cut::kThere;

@@ -3,6 +3,8 @@
 #include <catch2/catch.hpp>
 #include <vector>
 
+#include "preprocess/partition/voxel_builder.h"
+
 namespace quarry {
 namespace {
 
@@ -67,6 +69,38 @@ TEST_CASE("A fine mask that decides little beyond the coarse one is not kept", "
   const std::vector<TriangleRecord> triangles{Of(1, 1), Of(1, 0)};
   const VoxelMasks found = FindMasks(triangles, masks, 10);
   CHECK(found.masks == std::vector<uint32_t>{kOpaqueMask & ~3u, NameFineMask(0)});
+}
+
+TEST_CASE("Fine masks leave a voxel within its size, however many triangles it has", "[texture]") {
+  constexpr uint32_t kSize = 64 << 10;
+  const uint32_t most = MaxTrianglesPerVoxel(kSize, true);
+  // No two triangles share a vertex, or a fine mask.
+  TriangleMasks masks = ByCorner();
+  masks.mask_at = [](const MaskPlace& place) {
+    TriangleMask mask{0, {}};
+    for (uint32_t& word : mask.fine.words) word = kOpaqueMask;
+    mask.fine.words[0] &= 3u * static_cast<uint32_t>(place.corners[0][0]);
+    mask.fine.words[1] &= 3u * static_cast<uint32_t>(place.corners[0][1]);
+    return mask;
+  };
+  for (const uint32_t count : {most, most * 9 / 10, most / 2}) {
+    VoxelTask task;
+    task.cell = {glm::vec3(0), glm::vec3(64)};
+    for (uint32_t i = 0; i < count; ++i) {
+      TriangleRecord t = Of(1, static_cast<float>(i % 64), static_cast<float>(i / 64));
+      const glm::vec3 at(static_cast<float>(i % 16), static_cast<float>(i / 16 % 16),
+                         static_cast<float>(i / 256));
+      t.vertices[0] = at;
+      t.vertices[1] = at + glm::vec3(0.5f, 0, 0);
+      t.vertices[2] = at + glm::vec3(0, 0.5f, 0.25f);
+      t.id = i;
+      task.triangles.push_back(t);
+    }
+    const EncodedVoxel voxel = BuildVoxel(task, 1e-5f, {}, kSize, &masks);
+    INFO(count << " triangles");
+    CHECK(voxel.hot_decoded <= kSize);
+    CHECK(voxel.triangles == count);
+  }
 }
 
 }  // namespace quarry
