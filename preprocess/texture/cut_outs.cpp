@@ -225,7 +225,7 @@ MaskPlace CutOuts::PlaceOf(const TriangleRecord& triangle) const {
       largest = std::max(largest, std::fabs(row[0] * u) + std::fabs(row[1] * v) + std::fabs(double{row[2]}));
     }
     const double slack = largest < kMostImages ? largest * sizes[a] * kRounding + kLeastSlack
-                                             : std::numeric_limits<double>::infinity();
+                                               : std::numeric_limits<double>::infinity();
     PutOnGrid(corners, slack, PeriodOf(wraps[a], sizes[a]), a, place);
   }
   return place;
