@@ -1,6 +1,7 @@
 // Decodes the bytes as a block, as if their checksum were right: two bytes of decoded size (in units of 16),
 // one of kind and rest of the size, then the stored bytes. Or as a page of a texture: its sides less 1, kind
 // with channels and format, then the stored bytes.
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <span>
