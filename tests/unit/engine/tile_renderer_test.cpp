@@ -373,7 +373,7 @@ TEST_CASE("A tile's memory is fixed when it is opened, and within the engine's a
     Bench bench(row);
     bench.Open(view, {kMiddle});
     const size_t opened = bench.renderer.memory_bytes();
-    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 668u << 10 : 247u << 10));
+    CHECK(opened <= (view.mode == RenderMode::kWhitted ? 676u << 10 : 255u << 10));
     while (!bench.renderer.done()) {
       bench.StepOn();
       CHECK(bench.renderer.memory_bytes() == opened);
