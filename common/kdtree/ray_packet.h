@@ -45,7 +45,7 @@ struct alignas(64) RayPacket {
   // No kernel uses the field below.
   uint32_t instance[kRays];  ///< of the part that holds the triangle hit
 
-  /// Bytes of the fields that are in use by rays without a bound.
+  /// Bytes of the fields that rays without a bound use; any-hit rays that note hits use more.
   static constexpr size_t Bytes(bool any_hit) { return (any_hit ? 11 : 15) * sizeof(float[kRays]) + 64; }
 
   void Set(uint32_t i, const Ray& ray) {

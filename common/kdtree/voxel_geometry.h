@@ -33,7 +33,7 @@ struct VoxelGeometryOf {
   /// opacity_mask.h, one per triangle; null: all triangles are opaque. Where light passes the material
   /// itself, decoding has made opaque states mixed: no mask describes such a surface.
   const uint32_t* masks = nullptr;
-  const FineMask* fine_masks = nullptr;  ///< those that `masks` name
+  const FineMask* fine_masks = nullptr;  ///< named by `masks`
   const WideNode* wide = nullptr;        ///< the same tree as wide nodes, derived at decode
   /// A bit for each part of the scene: its triangles are no candidates to any ray. Null: there are none in
   /// this voxel. No block has the bits: a view's selection does.

@@ -53,7 +53,7 @@ struct HotVoxel {
   std::vector<uint16_t> materials;
   std::vector<uint32_t> parts;
   std::vector<uint32_t> masks;       ///< opacity_mask.h; one per triangle, or none
-  std::vector<FineMask> fine_masks;  ///< those that `masks` name
+  std::vector<FineMask> fine_masks;  ///< named by `masks`
 };
 
 /// The attributes of a triangle's corner. A zero normal means that the triangle's own normal is used.
@@ -78,7 +78,7 @@ Bytes EncodeHot(const HotVoxel& voxel);
 Bytes EncodeShading(const ShadingVoxel& voxel);
 
 /// Size in bytes of a decoded block with these counts. `masks`: triangles that have an opacity mask, all or
-/// none; `fine_masks`: those that masks name.
+/// none; `fine_masks`: the table of fine masks.
 /// Requires, for hot blocks: the slots of the tree's nodes take no more bytes than the block.
 size_t HotBytes(size_t wide_nodes, size_t references, size_t triangles, size_t vertices, size_t masks = 0,
                 size_t fine_masks = 0);

@@ -26,8 +26,8 @@ struct VoxelMasks {
   std::vector<FineMask> fine;   ///< in the order of the first triangles that name them
 };
 
-/// Finds the masks of triangles. Those with equal states share a fine mask. At most `most` fine masks are
-/// kept: those that decide most beyond the coarse masks of their triangles, and only where that is much.
+/// Finds the masks of triangles. Triangles with equal states share a fine mask. A fine mask is kept if it
+/// decides a coarse sub-triangle's area more than the coarse mask. Beyond `most`, the best are kept.
 /// Requires: at most 65,535 triangles. Deterministic. Thread-safe.
 VoxelMasks FindMasks(std::span<const TriangleRecord> triangles, const TriangleMasks& masks, size_t most);
 

@@ -60,7 +60,7 @@ uint64_t LightRays::Tint(PacketWork& work, uint64_t lanes) const {
   return waiting;
 }
 
-/// The light rays of `more` go on behind their hits; those of `arrived` have no further ones.
+/// The light rays of `more` go on behind their hits. The light rays of `arrived` have reached their ends.
 void LightRays::GoOn(PacketWork& work, uint64_t more, uint64_t arrived) const {
   if (arrived != 0) Arrived(work, arrived);
   work.samples.Move(more, SamplePacket::kTint, SamplePacket::kPass);

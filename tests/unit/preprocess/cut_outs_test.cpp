@@ -188,6 +188,15 @@ TEST_CASE("Masks claim only what all touched texels confirm, and little less", "
   CHECK(needless * 20 < mixed);  // texels between the sampled points, or within the slack
 }
 
+TEST_CASE("A texel that shading's rounding decides is neither opaque nor transparent", "[texture]") {
+  const float texel = 128.0f / 255;
+  CHECK(OpacityRule{1, texel + 1e-4f}.StatesOf(texel).transparent);
+  CHECK(OpacityRule{1, texel + 5e-7f}.StatesOf(texel).mixed());
+  CHECK(OpacityRule{1, texel}.StatesOf(texel).opaque);
+  CHECK(OpacityRule{1, 0}.StatesOf(0).transparent);
+  CHECK(OpacityRule{1, 0}.StatesOf(1).opaque);
+}
+
 TEST_CASE("Texels at borders of tiles and at far coordinates are classified correctly", "[texture]") {
   const test::TemporaryFolder folder;
   Grey image(200, 130, 1);
