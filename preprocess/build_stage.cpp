@@ -134,7 +134,7 @@ Status BuildStage::BuildVoxels() {
                   before);
   const TriangleMasks masks{[&](uint32_t material) { return cut_outs_.IsMapped(material); },
                             [&](const TriangleRecord& t) { return cut_outs_.PlaceOf(t); },
-                            [&](const MaskPlace& place) { return cut_outs_.MaskAt(place); }};
+                            [&](const MaskPlace& place, bool fine) { return cut_outs_.MaskAt(place, fine); }};
   uint64_t delivered = 0;  // triangles of the region that is delivered now
   RegionWork work;
   work.cut = [&](size_t region, const std::function<Status(VoxelTask)>& emit) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <functional>
+#include <numeric>
 
 #include "preprocess/partition/interner.h"
 
@@ -22,56 +23,40 @@ uint32_t GainOf(const TriangleMask& mask) {
   return fine - kFineSubTriangles / kSubTriangles * Decided(mask.coarse);
 }
 
-/// A fine mask, and what it decides beyond the coarse masks of its triangles together.
-struct Wanted {
-  uint16_t fine;
-  uint64_t gain;
-};
-
 }  // namespace
 
 VoxelMasks FindMasks(std::span<const TriangleRecord> triangles, const TriangleMasks& masks, size_t most) {
   constexpr uint16_t kNone = 0xFFFF;
   Interner<MaskPlace> place_numbers(triangles.size());
-  Interner<FineMask> fine_numbers(triangles.size());
   std::vector<MaskPlace> places;
-  std::vector<FineMask> fine;
-  std::vector<uint32_t> coarse;             // of each place
-  std::vector<uint16_t> fine_of, place_of;  // of each place, its fine mask; of each triangle, its place
-  std::vector<Wanted> wanted;               // of each fine mask
+  std::vector<uint32_t> words, open;  // of each place: its mask, and the open sub-triangles of its triangles
+  std::vector<uint16_t> place_of;     // of each triangle
   place_of.reserve(triangles.size());
   for (const TriangleRecord& t : triangles) {
-    if (!masks.is_mapped(t.material)) {
-      place_of.push_back(kNone);
-      continue;
+    const bool mapped = masks.is_mapped(t.material);
+    const uint16_t place = mapped ? place_numbers.Index(masks.place_of(t), places) : kNone;
+    place_of.push_back(place);
+    if (!mapped) continue;
+    if (place == words.size()) {
+      words.push_back(masks.mask_at(places.back(), false).coarse);
+      open.push_back(0);
     }
-    const uint16_t number = place_numbers.Index(masks.place_of(t), places);
-    place_of.push_back(number);
-    if (number == coarse.size()) {
-      const TriangleMask mask = masks.mask_at(places.back());
-      coarse.push_back(mask.coarse);
-      fine_of.push_back(GainOf(mask) >= kLeastGain ? fine_numbers.Index(mask.fine, fine) : kNone);
-      if (fine.size() > wanted.size()) wanted.push_back({fine_of.back(), 0});
-    }
-    if (const uint16_t of = fine_of[number]; of != kNone)
-      wanted[of].gain += GainOf({coarse[number], fine[of]});
+    open[place] += kSubTriangles - Decided(words[place]);
   }
-  if (wanted.size() > most) {
-    std::ranges::stable_sort(wanted, std::greater<>(), &Wanted::gain);
-    wanted.resize(most);
-    std::ranges::sort(wanted, std::less<>(), &Wanted::fine);
-  }
+  std::vector<uint16_t> refined(places.size());
+  std::iota(refined.begin(), refined.end(), uint16_t{0});
+  std::erase_if(refined, [&](uint16_t place) { return open[place] == 0; });
+  std::ranges::stable_sort(refined, std::greater<>(), [&](uint16_t place) { return open[place]; });
+  refined.resize(std::min(refined.size(), most));
+  std::ranges::sort(refined);
   VoxelMasks found;
-  std::vector<uint32_t> names(fine.size(), 0);
-  for (const Wanted& w : wanted) {
-    names[w.fine] = NameFineMask(static_cast<uint32_t>(found.fine.size()));
-    found.fine.push_back(fine[w.fine]);
+  Interner<FineMask> fine_numbers(refined.size());
+  for (const uint16_t place : refined) {
+    const TriangleMask mask = masks.mask_at(places[place], true);
+    if (GainOf(mask) >= kLeastGain) words[place] = NameFineMask(fine_numbers.Index(mask.fine, found.fine));
   }
   found.masks.reserve(triangles.size());
-  for (const uint16_t place : place_of) {
-    const uint32_t name = place != kNone && fine_of[place] != kNone ? names[fine_of[place]] : 0;
-    found.masks.push_back(name != 0 ? name : place != kNone ? coarse[place] : kOpaqueMask);
-  }
+  for (const uint16_t place : place_of) found.masks.push_back(place != kNone ? words[place] : kOpaqueMask);
   return found;
 }
 

@@ -17,7 +17,7 @@ struct TriangleMasks {
   std::function<bool(uint32_t material)> is_mapped;  ///< whether a material's triangles have masks
   /// Of a triangle whose material has masks; triangles of equal places have equal masks.
   std::function<MaskPlace(const TriangleRecord&)> place_of;
-  std::function<TriangleMask(const MaskPlace&)> mask_at;
+  std::function<TriangleMask(const MaskPlace&, bool fine)> mask_at;  ///< else the coarse mask alone
 };
 
 /// The masks of a voxel's triangles.
@@ -27,7 +27,8 @@ struct VoxelMasks {
 };
 
 /// Finds the masks of triangles. Triangles with equal states share a fine mask. A fine mask is kept if it
-/// decides a coarse sub-triangle's area more than the coarse mask. Beyond `most`, the best are kept.
+/// decides a coarse sub-triangle's area more than the coarse mask. At most `most` places are refined: those
+/// whose coarse masks leave most open, over all their triangles.
 /// Requires: at most 65,535 triangles. Deterministic. Thread-safe.
 VoxelMasks FindMasks(std::span<const TriangleRecord> triangles, const TriangleMasks& masks, size_t most);
 

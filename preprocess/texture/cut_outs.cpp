@@ -236,7 +236,7 @@ TexelStates CutOuts::StatesOf(const TexelTriangle& place, uint32_t material) con
   return StatesAbout(place, maps_[use.map], *tiles_, use.binding.wrap_s, use.binding.wrap_t);
 }
 
-TriangleMask CutOuts::MaskAt(const MaskPlace& place) const {
+TriangleMask CutOuts::MaskAt(const MaskPlace& place, bool fine) const {
   const TexelTriangle whole = InTexels(place);
   const TexelStates all = StatesOf(whole, place.material);
   if (all.opaque) return {kOpaqueMask, Throughout(kOpaqueMask)};
@@ -247,6 +247,7 @@ TriangleMask CutOuts::MaskAt(const MaskPlace& place) const {
   TriangleMask mask{0, {}};
   for (uint32_t sub = 0; sub < kSubTriangles; ++sub)
     mask.coarse |= static_cast<uint32_t>(state_of(CornersOf(sub, kMaskSteps), kMaskSteps)) << (2 * sub);
+  if (!fine) return mask;
   const bool refines = Refines(whole, maps_[uses_[place.material].map]);
   for (uint32_t sub = 0; sub < kFineSubTriangles; ++sub) {
     const Corners corners = CornersOf(sub, kFineMaskSteps);

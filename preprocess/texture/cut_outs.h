@@ -37,7 +37,8 @@ class CutOuts {
   /// The place of a triangle in its material's image. Requires: IsMapped() of its material.
   MaskPlace PlaceOf(const TriangleRecord& triangle) const;
   /// The mask of the triangles at a place, see opacity_mask.h. It never states more than the texels do.
-  TriangleMask MaskAt(const MaskPlace& place) const;
+  /// Without `fine` only the coarse mask is made.
+  TriangleMask MaskAt(const MaskPlace& place, bool fine = true) const;
   /// Whether a triangle is transparent all over.
   bool IsTransparent(const TriangleRecord& triangle) const;
   /// Whether the temporary file could not be read: masks are wrong then.

@@ -21,7 +21,7 @@ TriangleMasks ByCorner() {
             for (int a = 0; a < 2; ++a) place.corners[0][a] = static_cast<int32_t>(t.uvs[0][a]);
             return place;
           },
-          [](const MaskPlace& place) {
+          [](const MaskPlace& place, bool) {
             TriangleMask mask{0, {}};
             for (int32_t w = 0; w < kWords * place.corners[0][0]; ++w) mask.fine.words[w] = kOpaqueMask;
             return mask;
@@ -59,7 +59,7 @@ TEST_CASE("The fine masks that decide most are kept, in the order of triangles",
 
 TEST_CASE("A fine mask that decides little beyond the coarse one is not kept", "[texture]") {
   TriangleMasks masks = ByCorner();
-  masks.mask_at = [](const MaskPlace& place) {
+  masks.mask_at = [](const MaskPlace& place, bool) {
     TriangleMask mask{kOpaqueMask & ~3u, {}};  // all but one sub-triangle are opaque
     for (uint32_t& word : mask.fine.words) word = kOpaqueMask;
     // Of the fine ones in it, some stay open.
@@ -76,7 +76,7 @@ TEST_CASE("Fine masks leave a voxel within its size, however many triangles it h
   const uint32_t most = MaxTrianglesPerVoxel(kSize, true);
   // No two triangles share a vertex, or a fine mask.
   TriangleMasks masks = ByCorner();
-  masks.mask_at = [](const MaskPlace& place) {
+  masks.mask_at = [](const MaskPlace& place, bool) {
     TriangleMask mask{0, {}};
     for (uint32_t& word : mask.fine.words) word = kOpaqueMask;
     mask.fine.words[0] &= 3u * static_cast<uint32_t>(place.corners[0][0]);
