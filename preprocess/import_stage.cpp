@@ -19,7 +19,7 @@ ImportStage::ImportStage(const PreprocessOptions& options, WorkFolder& work, Pro
       sink_(
           work.spill_folder(), options.memory, options.scale,
           [&](const std::string& text) { progress_.Say("warning: " + text); }, options.textures,
-          PreviewFile::Wanted(options.up_axis, options.up_habit.evidence())) {
+          PreviewFile::Wanted(options.up_axis, options.up_habit.evidence()), options.threads) {
   if (options.models.size() > 1) sink_.KeepFilesApart();
 }
 

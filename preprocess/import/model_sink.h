@@ -13,6 +13,7 @@
 #include "common/scene/scene_views.h"
 #include "preprocess/import/smoothing.h"
 #include "preprocess/import/texture_image.h"
+#include "preprocess/import/work_team.h"
 
 namespace quarry {
 
@@ -96,6 +97,9 @@ class ModelSink {
   /// ids (import/polygon/triangulation.h). Fewer than 3 corners add nothing. kNoIndex as material is the
   /// default material, as part the file's own.
   virtual Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) = 0;
+
+  /// The threads with which importers may decode; null: none.
+  virtual WorkTeam* team() { return nullptr; }
 
   /// Reports a line to the user; the statistics count it.
   virtual void Warn(std::string message) = 0;

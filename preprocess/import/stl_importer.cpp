@@ -10,6 +10,7 @@
 
 #include "preprocess/import/file_color.h"
 #include "preprocess/import/formats.h"
+#include "preprocess/import/row_chunk.h"
 #include "preprocess/import/text/line_reader.h"
 #include "preprocess/import/text/text_number.h"
 
@@ -56,6 +57,15 @@ bool LooksAscii(ModelReader& bytes) {
   if (!solid && (facet != 0 || FindWord(text, "outer") == text.npos)) return false;
   if (facet != text.npos) text.remove_prefix(facet);
   return text.find('\0') == text.npos;
+}
+
+/// Binary facets, at most: indices of their corners are 32 bits.
+constexpr uint64_t kMostFacets = (kNoIndex - 1) / 3;
+
+uint16_t AttributesOf(const char* facet) {
+  uint16_t attributes;
+  std::memcpy(&attributes, facet + kFacetBytes - 2, sizeof attributes);
+  return attributes;
 }
 
 glm::dvec3 LoadPoint(const char* at) {
@@ -111,6 +121,12 @@ class FacetColors {
   Rgba8 of_all_;
 };
 
+struct FacetOfFile {
+  glm::dvec3 corners[3];
+  Rgba8 color;
+  bool has_other = false;  ///< attributes that are no colour
+};
+
 /// Binary STL, from its header on.
 class BinaryStl {
  public:
@@ -121,7 +137,8 @@ class BinaryStl {
  private:
   Status Header();
   Result<bool> HasPayloads() const;
-  Status Facet(const FacetColors& colors);
+  Status Facets(const FacetColors& colors);
+  Status FacetWithPayload();
 
   ModelReader& bytes_;
   ModelSink& sink_;
@@ -130,6 +147,7 @@ class BinaryStl {
   bool payloads_ = false;          ///< attributes are lengths of extra bytes after the facet
   bool has_others_ = false;        ///< attributes that are no colours
   Rgba8 color_;
+  std::vector<FacetOfFile> facets_;
 };
 
 Status BinaryStl::Header() {
@@ -164,9 +182,7 @@ Result<bool> BinaryStl::HasPayloads() const {
   if (!ahead.Skip(kHeaderBytes)) return false;
   for (uint64_t i = 0; i < count_; ++i) {
     if (!ahead.Ensure(kFacetBytes)) return false;
-    uint16_t length;
-    std::memcpy(&length, ahead.data() + kFacetBytes - 2, sizeof length);
-    if (!ahead.Skip(kFacetBytes + length)) return false;
+    if (!ahead.Skip(kFacetBytes + AttributesOf(ahead.data()))) return false;
   }
   return ahead.remaining() == 0;
 }
@@ -175,12 +191,16 @@ Result<uint64_t> BinaryStl::Import() {
   QUARRY_TRY(Header());
   const FacetColors colors(bytes_.view().substr(0, kHeaderBytes - 4));
   bytes_.Consume(kHeaderBytes);
-  for (; !counted_ || read_ < count_; ++read_) {
+  while (!counted_ || read_ < count_) {
     if (!counted_ && !bytes_.Ensure(1) && !bytes_.failed()) break;
     if (!bytes_.Ensure(kFacetBytes))
       return bytes_.Truncated(counted_ ? fmt::format("in facet {} of {}", read_, count_)
                                        : fmt::format("in facet {}", read_));
-    QUARRY_TRY(Facet(colors));
+    if (read_ >= kMostFacets)
+      return Fail(fmt::format(
+          "{}: has more than {} facets: the numbers of their corners are 32 bits; split the model",
+          bytes_.path(), kMostFacets));
+    QUARRY_TRY(payloads_ ? FacetWithPayload() : Facets(colors));
   }
   if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
     sink_.Warn(fmt::format("{}: bytes behind the last facet left out", bytes_.path()));
@@ -190,21 +210,49 @@ Result<uint64_t> BinaryStl::Import() {
   return read_;
 }
 
-Status BinaryStl::Facet(const FacetColors& colors) {
+Corner FacetCorner(uint64_t facet, uint32_t corner) {
+  return Corner{static_cast<uint32_t>(3 * facet + corner), kNoIndex, kNoIndex};
+}
+
+/// Reads the facets in the buffer. Requires: there is one.
+Status BinaryStl::Facets(const FacetColors& colors) {
+  RowChunk chunk(bytes_, kFacetBytes, (counted_ ? std::min(count_, kMostFacets) : kMostFacets) - read_,
+                 sink_.team());
+  facets_.resize(chunk.rows());
+  chunk.Decode([&](const char* row, size_t i) {
+    FacetOfFile& facet = facets_[i];
+    for (uint32_t k = 0; k < 3; ++k) facet.corners[k] = LoadPoint(row + 12 * (k + 1));
+    const uint16_t attributes = AttributesOf(row);
+    facet.color = colors.ColorOf(attributes);
+    facet.has_other = colors.IsOther(attributes);
+    return true;
+  });
+  for (const FacetOfFile& facet : facets_)
+    for (const glm::dvec3& corner : facet.corners) QUARRY_TRY(sink_.AddPosition(corner, Rgba8{}));
+  for (const FacetOfFile& facet : facets_) {
+    const Corner corners[] = {FacetCorner(read_, 0), FacetCorner(read_, 1), FacetCorner(read_, 2)};
+    if (Packed(facet.color) != Packed(color_)) QUARRY_TRY(sink_.SetFaceColor(facet.color));
+    color_ = facet.color;
+    has_others_ |= facet.has_other;
+    QUARRY_TRY(sink_.AddPolygon(corners, kNoIndex, kNoIndex));
+    ++read_;
+  }
+  chunk.Consume(chunk.rows());
+  return {};
+}
+
+Status BinaryStl::FacetWithPayload() {
   const char* facet = bytes_.data();
   Corner corners[3];
-  for (uint32_t i = 0; i < 3; ++i) {
-    QUARRY_TRY(sink_.AddPosition(LoadPoint(facet + 12 * (i + 1)), Rgba8{}));
-    corners[i].position = static_cast<uint32_t>(3 * read_ + i);
+  for (uint32_t k = 0; k < 3; ++k) {
+    QUARRY_TRY(sink_.AddPosition(LoadPoint(facet + 12 * (k + 1)), Rgba8{}));
+    corners[k] = FacetCorner(read_, k);
   }
-  uint16_t attributes;
-  std::memcpy(&attributes, facet + kFacetBytes - 2, sizeof attributes);
-  const Rgba8 color = payloads_ ? Rgba8{} : colors.ColorOf(attributes);
-  if (Packed(color) != Packed(color_)) QUARRY_TRY(sink_.SetFaceColor(color));
-  color_ = color;
-  has_others_ |= payloads_ ? attributes != 0 : colors.IsOther(attributes);
+  const uint16_t length = AttributesOf(facet);
+  has_others_ |= length != 0;
   bytes_.Consume(kFacetBytes);
-  if (payloads_ && !bytes_.Skip(attributes)) return bytes_.Truncated(fmt::format("behind facet {}", read_));
+  if (!bytes_.Skip(length)) return bytes_.Truncated(fmt::format("behind facet {}", read_));
+  ++read_;
   return sink_.AddPolygon(corners, kNoIndex, kNoIndex);
 }
 

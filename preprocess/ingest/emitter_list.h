@@ -18,6 +18,8 @@ class EmitterList {
   /// From here on triangles of the material shine, if Shines(); before its first triangle.
   void NoteMaterial(uint32_t number, const Material& material);
   bool empty() const { return strengths_.empty(); }
+  /// Whether triangles of the material shine.
+  bool Wants(uint32_t material) const { return strengths_.contains(material); }
   /// Adds a triangle with an area. Any triangle may come; most do not shine.
   void Add(const TriangleRecord& triangle);
 

@@ -34,9 +34,7 @@ uint64_t EdgeHash(uint64_t a, uint64_t b) {
 
 }  // namespace
 
-void PartSums::Add(const TriangleRecord& triangle, TriangleFault fault) {
-  if (triangle.part >= sums_.size()) sums_.resize(size_t{triangle.part} + 1);
-  Sum& sum = sums_[triangle.part];
+void PartRun::Add(const TriangleRecord& triangle, TriangleFault fault) {
   const glm::vec3(&v)[3] = triangle.vertices;
   const uint64_t a = HashOf(v[0]), b = HashOf(v[1]), c = HashOf(v[2]);
   sum.edges += EdgeHash(a, b) + EdgeHash(b, c) + EdgeHash(c, a);
@@ -45,13 +43,28 @@ void PartSums::Add(const TriangleRecord& triangle, TriangleFault fault) {
   if (sum.lower.x > sum.upper.x) sum.origin = v[0];
   sum.lower = glm::min(sum.lower, glm::min(v[0], glm::min(v[1], v[2])));
   sum.upper = glm::max(sum.upper, glm::max(v[0], glm::max(v[1], v[2])));
-  const glm::dvec3 from(v[0]), across = glm::cross(glm::dvec3(v[1]) - from, glm::dvec3(v[2]) - from);
-  sum.volume += glm::dot(from - glm::dvec3(sum.origin), across);
+  const glm::dvec3 from(v[0]), normal = glm::cross(glm::dvec3(v[1]) - from, glm::dvec3(v[2]) - from);
+  sum.volume += glm::dot(from - glm::dvec3(sum.origin), normal);
+  across += normal;
+}
+
+void PartSums::Add(const PartRun& run) {
+  if (run.part >= sums_.size()) sums_.resize(size_t{run.part} + 1);
+  PartSum& sum = sums_[run.part];
+  sum.edges += run.sum.edges;
+  sum.triangles += run.sum.triangles;
+  if (run.sum.lower.x > run.sum.upper.x) return;  // no triangle has an area
+  if (sum.lower.x > sum.upper.x) sum.origin = run.sum.origin;
+  sum.lower = glm::min(sum.lower, run.sum.lower);
+  sum.upper = glm::max(sum.upper, run.sum.upper);
+  // Seen from another origin, each triangle's share changes by the same distance along its normal.
+  const glm::dvec3 moved = glm::dvec3(run.sum.origin) - glm::dvec3(sum.origin);
+  sum.volume += run.sum.volume + glm::dot(moved, run.across);
 }
 
 void PartSums::GiveTo(std::vector<ScenePart>& parts) const {
   for (size_t i = 0; i < std::min(parts.size(), sums_.size()); ++i) {
-    const Sum& sum = sums_[i];
+    const PartSum& sum = sums_[i];
     ScenePart& part = parts[i];
     part.triangles = sum.triangles;
     part.lower = sum.lower;
@@ -66,6 +79,6 @@ void PartSums::Save(ByteWriter& out) const {
   out.PutArray(sums_);
 }
 
-void PartSums::Restore(ByteReader& in) { sums_ = in.GetArray<Sum>(in.Get<uint64_t>()); }
+void PartSums::Restore(ByteReader& in) { sums_ = in.GetArray<PartSum>(in.Get<uint64_t>()); }
 
 }  // namespace quarry

@@ -13,6 +13,8 @@ namespace {
 
 constexpr uint32_t kFacesPerLook = 4096;  // between looks at the clock
 
+std::string StatePath(const std::string& folder) { return folder + "/import-state"; }
+
 /// The step from one float to the next at the triangle's farthest coordinate, and its longest side along an
 /// axis, in scene units.
 std::pair<float, float> StepAndSide(const KdTriangle& triangle) {
@@ -54,13 +56,14 @@ void WarnOfLoss(const std::vector<KdTriangle>& sample, const SceneCoordinates& c
 
 SpillSink::SpillSink(std::string folder, uint64_t memory, double scale,
                      std::function<void(const std::string&)> warn, bool textures,
-                     std::optional<PreviewFile> preview)
+                     std::optional<PreviewFile> preview, unsigned threads)
     : folder_(std::move(folder)),
       memory_(memory),
       textures_(textures),
       coordinates_(scale),
       tables_(std::move(warn)),
       images_(folder_ + "/images"),
+      team_(threads < 2 ? 0 : threads - 2),
       triangles_(folder_),
       preview_(std::move(preview)) {}
 
@@ -69,7 +72,7 @@ Status SpillSink::BeginFile(std::string_view name) {
   face_color_ = kWhite;
   smoothing_ = kSmoothByAngle;
   ++file_number_;
-  QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_));
+  QUARRY_ASSIGN(faces_, FaceResolver::Open(folder_, triangles_, team_));
   return triangles_.Open();
 }
 
@@ -140,7 +143,7 @@ Result<Bytes> SpillSink::Save() {
   QUARRY_TRY(images_.Save(out));
   QUARRY_TRY(triangles_.Save(out));
   const Bytes state = out.Take();
-  QUARRY_TRY(WriteFileAtomically(StatePath(), state));  // which makes all names in the folder durable
+  QUARRY_TRY(WriteFileAtomically(StatePath(folder_), state));  // which makes all names in the folder durable
   ByteWriter reference;
   reference.Put(uint64_t{state.size()});
   reference.Put(Checksum(state));
@@ -150,10 +153,10 @@ Result<Bytes> SpillSink::Save() {
 Status SpillSink::Restore(std::span<const std::byte> saved, bool routed) {
   ByteReader reference(saved);
   const auto size = reference.Get<uint64_t>(), checksum = reference.Get<uint64_t>();
-  const auto file = InputFile::Open(StatePath());
+  const auto file = InputFile::Open(StatePath(folder_));
   Bytes state(file && reference.done() && file->size() == size ? size : 0);
   if (state.empty() || !file->ReadAt(0, state) || Checksum(state) != checksum)
-    return CannotResume(fmt::format("{}: has changed since the import saved it", StatePath()));
+    return CannotResume(fmt::format("{}: has changed since the import saved it", StatePath(folder_)));
   ByteReader in(state);
   coordinates_.Restore(in);
   tables_.Restore(in);

@@ -32,13 +32,14 @@ namespace quarry {
 ///   TriangleSpill      resolved triangles of all files.
 /// Large data lies in files "FOLDER/triangles-..." and "FOLDER/import-..."; the first outlive the process.
 /// Memory: the streams' pages, batches of faces, windows of `memory` / 4 bytes, and the tables.
-/// Thread safety: none; a second thread of its own resolves faces.
+/// Thread safety: none; threads of its own resolve faces.
 class SpillSink final : public ModelSink {
  public:
   /// Units: memory in bytes; scale multiplies positions, after Place(). `warn` is called with each warning.
-  /// Without `textures`, materials get no images. `preview` shows what is read so far.
+  /// Without `textures`, materials get no images. `preview` shows what is read so far. Threads beyond the
+  /// importer's and the resolver's help both.
   SpillSink(std::string folder, uint64_t memory, double scale, std::function<void(const std::string&)> warn,
-            bool textures = true, std::optional<PreviewFile> preview = {});
+            bool textures = true, std::optional<PreviewFile> preview = {}, unsigned threads = 2);
   SpillSink(const SpillSink&) = delete;
 
   /// Has the files that begin after this be the roots of their parts.
@@ -77,6 +78,7 @@ class SpillSink final : public ModelSink {
   Status SetFaceColor(const Rgba8& color) override;
   void SetSmoothing(uint16_t smoothing) override { smoothing_ = SmoothingOfFile(smoothing, file_number_); }
   Status AddPolygon(std::span<const Corner> corners, uint32_t material, uint32_t part) override;
+  WorkTeam* team() override { return &team_; }
   void Warn(std::string message) override { tables_.Warn(std::move(message)); }
   void Note(std::string message) override { tables_.Note(std::move(message)); }
   void HasRead(uint64_t done, uint64_t total) override {
@@ -101,7 +103,6 @@ class SpillSink final : public ModelSink {
 
  private:
   Status NoteShining();
-  std::string StatePath() const { return folder_ + "/import-state"; }
 
   std::string folder_;
   uint64_t memory_;
@@ -113,6 +114,7 @@ class SpillSink final : public ModelSink {
   SceneCoordinates coordinates_;
   SceneTables tables_;
   ImageList images_;
+  WorkTeam team_;
   TriangleSpill triangles_;
   std::unique_ptr<FaceResolver> faces_;  ///< the current file's; absent between files
   std::function<void(uint64_t, uint64_t)> on_read_;

@@ -53,13 +53,18 @@ Status TriangleSpill::WidenNow(Attributes attributes) {
   return {};
 }
 
-Status TriangleSpill::AddPolygon(std::span<TriangleRecord> fan) {
-  if (fan.size() > 1) polygon_.Split(fan);
+void TriangleSpill::Check(std::span<TriangleRecord> fan, TriangleBatch& batch) const {
+  if (fan.size() > 1) batch.polygon.Split(fan);
   for (TriangleRecord& record : fan) {
     if (!alpha_levels_.empty()) TakeAlpha(record);
-    QUARRY_TRY(Add(record));
+    CheckTriangle(record, batch);
   }
-  return {};
+}
+
+Status TriangleSpill::AddPolygon(std::span<TriangleRecord> fan) {
+  one_.Clear();
+  Check(fan, one_);
+  return Take(one_);
 }
 
 /// Turns the alpha of the corners into the material of its level. Stores hold opaque colours.
@@ -76,17 +81,29 @@ void TriangleSpill::TakeAlpha(TriangleRecord& record) const {
   record.material = static_cast<uint16_t>(std::min<uint32_t>(levels->second + level, 65535));
 }
 
-Status TriangleSpill::Add(TriangleRecord& record) {
+void TriangleSpill::CheckTriangle(TriangleRecord& record, TriangleBatch& batch) const {
   const TriangleFault fault = FaultOf(record);
-  out_.dropped_not_finite += fault == TriangleFault::kNotFinite;
-  out_.dropped_degenerate += fault == TriangleFault::kDegenerate;
-  parts_.Add(record, fault);
-  if (fault != TriangleFault::kNone) return {};
-  out_.bounds.IncludeBox(record.PaddedBox(0));
-  out_.sample.Add(record);
-  if (!emitters_.empty()) emitters_.Add(record);
+  batch.dropped_not_finite += fault == TriangleFault::kNotFinite;
+  batch.dropped_degenerate += fault == TriangleFault::kDegenerate;
+  AddToRuns(record, fault, batch.parts);
+  if (fault != TriangleFault::kNone) return;
+  batch.bounds.IncludeBox(record.PaddedBox(0));
+  const auto index = static_cast<uint32_t>(batch.kept.size());
+  if (out_.sample.Takes(record.id)) batch.sampled.push_back(index);
+  if (!emitters_.empty() && emitters_.Wants(record.material)) batch.shining.push_back(index);
   if (out_.attributes >= Attributes::kNormals) MarkOwnNormals(record);
-  return out_.triangles->Append(&record);
+  batch.kept.push_back(record);
+}
+
+Status TriangleSpill::Take(const TriangleBatch& batch) {
+  out_.dropped_not_finite += batch.dropped_not_finite;
+  out_.dropped_degenerate += batch.dropped_degenerate;
+  out_.bounds.IncludeBox(batch.bounds);
+  for (const PartRun& run : batch.parts) parts_.Add(run);
+  for (const uint32_t i : batch.sampled) out_.sample.Add(batch.kept[i]);
+  for (const uint32_t i : batch.shining) emitters_.Add(batch.kept[i]);
+  for (const TriangleRecord& record : batch.kept) QUARRY_TRY(out_.triangles->Append(&record));
+  return {};
 }
 
 void TriangleSpill::WeighUp() {

@@ -13,7 +13,7 @@
 #include "preprocess/ingest/emitter_list.h"
 #include "preprocess/ingest/imported_scene.h"
 #include "preprocess/ingest/part_sums.h"
-#include "preprocess/ingest/polygon_fan.h"
+#include "preprocess/ingest/triangle_batch.h"
 #include "preprocess/spill/spill_writer.h"
 
 namespace quarry {
@@ -21,7 +21,8 @@ namespace quarry {
 /// Gathers resolved triangles of all model files in the file "FOLDER/triangles-N", where N stands for the
 /// attributes. Triangles without area and triangles with coordinates that are not finite are dropped and
 /// counted; their ids stay used.
-/// Thread safety: AddPolygon() may run beside NewIds() and input_triangles(), nothing else.
+/// Thread safety: Check() may run on several threads; Check(), Take() and AddPolygon() may run beside
+/// NewIds() and input_triangles(). Nothing else.
 class TriangleSpill {
  public:
   explicit TriangleSpill(std::string folder) : folder_(std::move(folder)) {}
@@ -41,13 +42,17 @@ class TriangleSpill {
     return WidenNow(attributes);
   }
 
-  /// See ModelSink. Not beside AddPolygon().
+  /// See ModelSink. Not beside Check().
   void SetAlphaLevels(uint32_t material, uint32_t first) { alpha_levels_[material] = first; }
 
-  /// See EmitterList. Not beside AddPolygon().
+  /// See EmitterList. Not beside Check().
   void NoteMaterial(uint32_t number, const Material& material) { emitters_.NoteMaterial(number, material); }
 
-  /// Splits the fan of one polygon in place (see PolygonFan) and keeps its triangles. Errors: disk full.
+  /// Splits the fan of one polygon in place (see PolygonFan) and adds its triangles to `batch`.
+  void Check(std::span<TriangleRecord> fan, TriangleBatch& batch) const;
+  /// Keeps the triangles of the batch. Errors: disk full.
+  Status Take(const TriangleBatch& batch);
+  /// Checks and keeps the triangles of one polygon. Errors: disk full.
   Status AddPolygon(std::span<TriangleRecord> fan);
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const;
@@ -78,12 +83,12 @@ class TriangleSpill {
   void WeighUp();
   Result<SpillFile> OpenFile(uint64_t count);
   Status WidenNow(Attributes attributes);
-  Status Add(TriangleRecord& record);
+  void CheckTriangle(TriangleRecord& record, TriangleBatch& batch) const;
   void TakeAlpha(TriangleRecord& record) const;
 
   std::string folder_;
   ImportedTriangles out_;
-  PolygonFan polygon_;
+  TriangleBatch one_;  ///< of AddPolygon()
   PartSums parts_;
   EmitterList emitters_;
   std::map<uint32_t, uint32_t> alpha_levels_;  ///< by material: the first of its levels

@@ -27,7 +27,8 @@ struct Face {
 };
 
 /// The positions (with colours), normals and texture coordinates of one model file: all on disk, the pages
-/// used last in memory. Memory: three times PagedFile's. Thread safety: none.
+/// used last in memory. Memory: three times PagedFile's. Thread safety: Find() beside
+/// Find().
 class VertexStreams {
  public:
   /// Creates or empties the files "FOLDER/import-STREAM". Errors: as PagedFile's.
@@ -47,7 +48,8 @@ class VertexStreams {
   /// Whether all elements that the face's corners name have been added.
   bool Has(const Face& face) const;
 
-  /// Fills in `record` from the pages in memory. False: an element is not in memory, or not added yet.
+  /// Fills in `record` from the pages in memory. False: an element is not in memory, or not added yet; the
+  /// record is filled in part then.
   bool Find(const Face& face, TriangleRecord& record);
   /// Loads pages of the face's corners, each load taken off `loads`, until that is zero.
   Status Load(const Face& face, uint32_t& loads);

@@ -22,8 +22,10 @@ class TriangleSample {
   static constexpr size_t kMost = 256 << 10;
 
   void Add(const TriangleRecord& record) {
-    if ((Mix(record.id) & (weight_ - 1)) == 0) Keep(record);
+    if (Takes(record.id)) Keep(record);
   }
+  /// Whether Add() would take the triangle now. A triangle that is not taken now is never taken.
+  bool Takes(uint32_t id) const { return (Mix(id) & (weight_ - 1)) == 0; }
   /// Triangles that a sampled triangle stands for: 1 while all are kept, then a power of two.
   uint64_t weight() const { return weight_; }
   const std::vector<KdTriangle>& triangles() const { return triangles_; }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -11,7 +12,7 @@ namespace quarry {
 /// An array on disk, appended to in order and read by index; the pages used last are in memory. Models name
 /// vertices near the last ones, so nearly every lookup is met from memory. A miss returns null: the caller
 /// decides whether a read is worth it. Memory: kSlots pages, whatever --memory is, so that the result does
-/// not depend on it. Thread safety: none.
+/// not depend on it. Thread safety: Find() beside Find().
 class PagedFile {
  public:
   static constexpr uint32_t kPageElements = 4096;
@@ -22,12 +23,13 @@ class PagedFile {
   uint64_t count() const { return count_; }
   /// Appends element_bytes bytes. Errors: disk full.
   Status Append(const void* element);
-  /// The element, valid until the next Append() or Load(); null: its page is not in memory. Requires: index <
-  /// count().
+  /// The element, valid until the next Append() or Load(); null: its page is not in memory. By several
+  /// threads. Requires: index < count().
   const std::byte* Find(uint32_t index) {
     const uint32_t slot = slot_of_page_[index / kPageElements];
     if (slot == kNone) return nullptr;
-    slots_[slot].used = true;
+    const std::atomic_ref used(slots_[slot].used);
+    if (!used.load(std::memory_order_relaxed)) used.store(true, std::memory_order_relaxed);
     return slots_[slot].bytes.data() + index % kPageElements * file_.element_bytes();
   }
   /// Loads the page of `index` in place of a page not used lately. Requires: index < count(). Errors: read

@@ -38,6 +38,7 @@ struct RecordingSink : ModelSink {
   uint16_t smoothing = kSmoothByAngle;
   uint64_t triangles = 0;
   bool ended = false;
+  WorkTeam* helpers = nullptr;  ///< what team() returns
 
   Status BeginFile(std::string_view file) override {
     name = file;
@@ -103,6 +104,7 @@ struct RecordingSink : ModelSink {
     if (corners.size() >= 3) triangles += corners.size() - 2;
     return {};
   }
+  WorkTeam* team() override { return helpers; }
   void Warn(std::string message) override { warnings.push_back(std::move(message)); }
 
   static bool Within(uint32_t index, size_t count) { return index == kNoIndex || index < count; }

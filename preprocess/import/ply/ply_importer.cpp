@@ -2,24 +2,17 @@
 // Source: Turk, "The PLY Polygon File Format", 1994.
 
 #include <fmt/format.h>
-#include <sys/stat.h>
 
 #include <algorithm>
-#include <cmath>
-#include <filesystem>
 #include <tuple>
 #include <utility>
 
-#include "common/scene/material_json.h"
-#include "common/voxel/parts/part_path.h"
 #include "preprocess/import/carried_fields.h"
 #include "preprocess/import/file_color.h"
-#include "preprocess/import/files/find_file.h"
 #include "preprocess/import/formats.h"
-#include "preprocess/import/ply/library_textures.h"
 #include "preprocess/import/ply/ply_row_reader.h"
-#include "preprocess/import/ply/ply_textures.h"
-#include "preprocess/import/text/text_number.h"
+#include "preprocess/import/ply/ply_tables.h"
+#include "preprocess/import/row_chunk.h"
 
 namespace quarry {
 namespace {
@@ -32,18 +25,15 @@ bool HasNoFaces(const PlyHeader& header) {
   return !has("face") && !has("tristrips");
 }
 
-/// Maps material_index or part_index to indices in the scene. `wanted`: the file has the property and the
-/// list.
-struct IndexTable {
-  bool wanted = false;
-  std::vector<uint32_t> scene_index;
-};
-
 template <typename Source>
 class PlyBody {
  public:
   PlyBody(const PlyHeader& header, Source source, const std::string& model, ModelSink& sink)
-      : header_(header), rows_(source), sink_(sink), path_(rows_.source.bytes().path()), model_(model) {}
+      : header_(header),
+        rows_(source),
+        sink_(sink),
+        path_(rows_.source.bytes().path()),
+        tables_(rows_.source.bytes(), model, sink) {}
 
   Result<uint64_t> Import() {
     const PlyElement* vertex = header_.Find("vertex");
@@ -65,8 +55,8 @@ class PlyBody {
     has_uvs_ = plan.Has(kU, kV) && !has_uv_lists_;
     has_colors_ = plan.Has(kRed, kBlue);
     CompareFields();
-    if (face) QUARRY_TRY(LoadTables(*face));
-    QUARRY_TRY(LoadTextures());
+    if (face) QUARRY_TRY(tables_.LoadLibrary(PlanFace(*face)));
+    QUARRY_TRY(tables_.LoadTextures(header_, has_uvs_ || has_uv_lists_));
     uint64_t rows = 0;
     for (const PlyElement& element : header_.elements) rows += element.properties.empty() ? 0 : element.count;
     rows_.source.LookForRows(rows);
@@ -96,70 +86,15 @@ class PlyBody {
     fields.Warn(path_, sink_);
   }
 
-  /// The materials' file; for "model.ply.gz" that of "model.ply".
-  std::string LibraryPath() const {
-    std::string path = MaterialJsonPath(
-        rows_.source.bytes().is_packed() ? std::filesystem::path(path_).replace_extension().string() : path_);
-    const auto found = FindFile(path_, std::filesystem::path(path).filename().string());
-    return found.empty() ? path : found.string();
-  }
-
-  Status LoadTables(const PlyElement& face) {
-    const PlyPlan plan = PlanFace(face);
-    const bool materials = plan.Has(kMaterial, kMaterial), parts = plan.Has(kPart, kPart);
-    if (!materials && !parts) return {};
-    const std::string path = LibraryPath();
-    struct stat info {};
-    if (stat(path.c_str(), &info) != 0) {
-      sink_.Warn(fmt::format(
-          "{}: has material_index or part_index, but {} is not there, so they are left out", path_, path));
-      return {};
-    }
-    QUARRY_ASSIGN(const MaterialLibrary library, ReadMaterialJson(path));
-    CarriedFields left_out;
-    for (const std::string& field : library.left_out) left_out.Names(FieldKind::kForeign, field);
-    left_out.Warn(model_.empty() ? path_ : model_, sink_);
-    materials_.wanted = materials;
-    for (size_t i = 0; materials && i < library.materials.size(); ++i) {
-      Material material = library.materials[i];
-      QUARRY_TRY(
-          AddLibraryTextures(library.images[i], path, model_.empty() ? path_ : model_, sink_, material));
-      materials_.scene_index.push_back(sink_.AddMaterial(material));
-    }
-    parts_.wanted = parts && !library.parts.empty();
-    for (const std::string& part : library.parts)
-      if (parts) parts_.scene_index.push_back(PartOf(part));
-    return {};
-  }
-
-  /// The part of a path; its ancestors are parts too.
-  uint32_t PartOf(const std::string& path) {
-    uint32_t part = kNoIndex;
-    for (const std::string& name : NamesOfPath(path)) part = sink_.AddPart(name, part);
-    return part;
-  }
-
-  Status LoadTextures() {
-    if (header_.texture_files.empty() || materials_.wanted) return {};
-    if (!has_uvs_ && !has_uv_lists_) {
-      sink_.Warn(fmt::format("{}: names the image {} (TextureFile), but has no texture coordinates", path_,
-                             Quoted(header_.texture_files.front())));
-      return {};
-    }
-    QUARRY_ASSIGN(textures_.scene_index, AddPlyTextures(header_, path_, sink_));
-    textures_.wanted = !textures_.scene_index.empty();
-    return {};
-  }
-
   bool HasCornerUvs() const { return has_uv_lists_ && rows_.row.uvs.size() == 2 * corners_.size(); }
 
-  /// The material of a face's image: the only image, or that of the row's number; kNoIndex: the face has
-  /// none.
-  uint32_t TextureMaterial(const PlyPlan& plan) const {
-    if (!textures_.wanted || (has_uv_lists_ && !HasCornerUvs())) return kNoIndex;
-    const double number = plan.Has(kTextureNumber, kTextureNumber) ? rows_.row.values[kTextureNumber] : 0;
-    const bool is_listed = number >= 0 && number < static_cast<double>(textures_.scene_index.size());
-    return is_listed ? textures_.scene_index[static_cast<size_t>(number)] : kNoIndex;
+  /// The material of a face's image: the only image, or that of the row's number; kNoIndex: it has none.
+  uint32_t TextureMaterial(const PlyPlan& plan, const double* values) const {
+    if (!tables_.textures.wanted) return kNoIndex;
+    const std::vector<uint32_t>& listed = tables_.textures.scene_index;
+    const double number = plan.Has(kTextureNumber, kTextureNumber) ? values[kTextureNumber] : 0;
+    const bool is_listed = number >= 0 && number < static_cast<double>(listed.size());
+    return is_listed ? listed[static_cast<size_t>(number)] : kNoIndex;
   }
 
   /// Gives the corners their own texture coordinates, if the row has as many.
@@ -179,27 +114,123 @@ class PlyBody {
     if (element.properties.empty()) return {};  // rows without values, whatever the count
     if (element.name == "vertex") {
       const PlyPlan plan = PlanVertex(element);
+      if constexpr (Source::kBinary)
+        if (!plan.has_lists && !HasRealColors(plan)) return Vertices(element, plan);
       return rows_.Read(element, plan, [&] { return Vertex(plan); });
     }
     if (element.name == "face") {
       const PlyPlan plan = PlanFace(element);
       if (!plan.has_index_list)
         return rows_.source.FailHere("the element \"face\" has no list vertex_indices of an integer type");
+      if constexpr (Source::kBinary)
+        if (plan.triangle_bytes != 0 && !HasRealColors(plan)) return Faces(element, plan);
       return rows_.Read(element, plan, [&] { return Face(plan); });
     }
     if (element.name == "tristrips") return Strips(element);
     return rows_.Read(element, PlanToSkip(element), [] { return Status(); });
   }
 
+  /// Real channels run to 1, until one of a row is larger: then those of later rows run to 255.
+  static bool HasRealColors(const PlyPlan& plan) {
+    return plan.Has(kRed, kBlue) && plan.color_scale[0] == kScaleOfReal;
+  }
+
   Rgba8 RowColor(const PlyPlan& plan) {
-    const bool real = plan.color_scale[0] == kScaleOfReal;
-    if (real &&
-        std::max({rows_.row.values[kRed], rows_.row.values[kGreen], rows_.row.values[kBlue]}) > kMostOfOne)
-      real_to_255_ = true;
-    const auto channel = [&](int i) {
-      return rows_.row.values[kRed + i] * (real_to_255_ && real ? 1 : plan.color_scale[i]);
-    };
+    const double* values = rows_.row.values;
+    const bool real = HasRealColors(plan);
+    if (real && std::max({values[kRed], values[kGreen], values[kBlue]}) > kMostOfOne) real_to_255_ = true;
+    return ColorOf(plan, values, real_to_255_ && real);
+  }
+
+  static Rgba8 ColorOf(const PlyPlan& plan, const double* values, bool is_of_255) {
+    const auto channel = [&](int i) { return values[kRed + i] * (is_of_255 ? 1 : plan.color_scale[i]); };
     return FileColor(channel(0), channel(1), channel(2), plan.Has(kAlpha, kAlpha) ? channel(3) : 255);
+  }
+
+  /// Vertices whose rows have one size, many at once.
+  Status Vertices(const PlyElement& element, const PlyPlan& plan) {
+    const PlyValues<Source> values(plan, 0, 0);
+    QUARRY_TRY(rows_.ExpectRows(element, values.end()));
+    const bool has_colors = plan.Has(kRed, kBlue);
+    struct Vertex {
+      glm::dvec3 position;
+      Rgba8 color;
+    };
+    std::vector<Vertex> vertices;
+    std::vector<glm::vec3> normals;
+    std::vector<glm::vec2> uvs;
+    while (rows_.row_number < element.count) {
+      RowChunk chunk(rows_.source.bytes(), values.end(), element.count - rows_.row_number, sink_.team());
+      if (chunk.rows() == 0) return rows_.RowFailure(element);
+      vertices.resize(chunk.rows());
+      normals.resize(has_normals_ ? chunk.rows() : 0);
+      uvs.resize(has_uvs_ ? chunk.rows() : 0);
+      chunk.Decode([&](const char* row, size_t i) {
+        double value[PlyRow::kMaxValues];
+        values.Load(row, value);
+        vertices[i].position = {value[kX], value[kY], value[kZ]};
+        vertices[i].color = has_colors ? ColorOf(plan, value, false) : Rgba8{};
+        if (has_normals_) normals[i] = glm::vec3(value[kNx], value[kNy], value[kNz]);
+        if (has_uvs_) uvs[i] = glm::vec2(value[kU], value[kV]);
+        return true;
+      });
+      for (const auto& [position, color] : vertices) QUARRY_TRY(sink_.AddPosition(position, color));
+      for (const glm::vec3& normal : normals) QUARRY_TRY(sink_.AddNormal(normal));
+      for (const glm::vec2& uv : uvs) QUARRY_TRY(sink_.AddUv(uv));
+      chunk.Consume(chunk.rows());
+      rows_.row_number += chunk.rows();
+    }
+    return {};
+  }
+
+  struct Triangle {
+    Corner corners[3];
+    uint32_t material = kNoIndex, part = kNoIndex;
+    Rgba8 color;
+  };
+
+  /// Faces, of which triangles of the usual form are read many at once, and others one by one.
+  Status Faces(const PlyElement& element, const PlyPlan& plan) {
+    const PlyValues<Source> values(plan, 1, kTriangleBytes);
+    const bool has_color = !has_colors_ && plan.Has(kRed, kBlue);
+    std::vector<Triangle> triangles;
+    while (rows_.row_number < element.count) {
+      RowChunk chunk(rows_.source.bytes(), plan.triangle_bytes, element.count - rows_.row_number,
+                     sink_.team());
+      chunk.CutBefore([](const char* row) { return *row == 3; });
+      triangles.resize(chunk.rows());
+      const size_t good = chunk.Decode(
+          [&](const char* row, size_t i) { return PlainTriangle(plan, values, row, triangles[i]); });
+      for (const Triangle& triangle : std::span(triangles).first(good)) {
+        if (has_color) QUARRY_TRY(sink_.SetFaceColor(triangle.color));
+        QUARRY_TRY(sink_.AddPolygon(triangle.corners, triangle.material, triangle.part));
+      }
+      triangles_ += good;
+      chunk.Consume(good);
+      rows_.row_number += good;
+      // The row that follows is of another form, has a fault, or is not all in the buffer.
+      if (rows_.row_number < element.count)
+        QUARRY_TRY(rows_.ReadNext(element, plan, [&] { return Face(plan); }));
+    }
+    return {};
+  }
+
+  /// False: the row has a fault.
+  bool PlainTriangle(const PlyPlan& plan, const PlyValues<Source>& values, const char* row,
+                     Triangle& triangle) const {
+    double value[PlyRow::kMaxValues];
+    values.Load(row, value);
+    const bool is_signed = plan.steps[0].type == PlyType::kInt32;
+    for (int k = 0; k < 3; ++k) {
+      const uint32_t word = Source::Word(row + 1 + 4 * k);
+      if (!IsVertex(is_signed ? int64_t{static_cast<int32_t>(word)} : int64_t{word})) return false;
+      triangle.corners[k] = MakeCorner(word);
+    }
+    if (!tables_.materials.Look(value[kMaterial], triangle.material)) return false;
+    if (!tables_.parts.Look(value[kPart], triangle.part)) return false;
+    if (!tables_.materials.wanted) triangle.material = TextureMaterial(plan, value);
+    if (!has_colors_ && plan.Has(kRed, kBlue)) triangle.color = ColorOf(plan, value, false);
+    return true;
   }
 
   Status Vertex(const PlyPlan& plan) {
@@ -223,9 +254,12 @@ class PlyBody {
       corners_[i] = MakeCorner(index);
     }
     uint32_t material, part;
-    if (!Look(materials_, kMaterial, material)) return NotListed(materials_, kMaterial, "material_index");
-    if (!Look(parts_, kPart, part)) return NotListed(parts_, kPart, "part_index");
-    if (!materials_.wanted) material = TextureMaterial(plan);
+    const double* values = rows_.row.values;
+    if (!tables_.materials.Look(values[kMaterial], material))
+      return NotListed(tables_.materials, kMaterial, "material_index");
+    if (!tables_.parts.Look(values[kPart], part)) return NotListed(tables_.parts, kPart, "part_index");
+    if (!tables_.materials.wanted && (!has_uv_lists_ || HasCornerUvs()))
+      material = TextureMaterial(plan, values);
     QUARRY_TRY(AddCornerUvs());
     triangles_ += corners_.size() - 2;
     // Vertices' colours take precedence: they are finer.
@@ -247,21 +281,10 @@ class PlyBody {
     return Corner{i, has_normals_ ? i : kNoIndex, has_uvs_ ? i : kNoIndex};
   }
 
-  /// False: the table has no entry for the row's value.
-  bool Look(const IndexTable& table, FaceSlot slot, uint32_t& index) const {
-    index = kNoIndex;
-    if (!table.wanted) return true;
-    const double value = rows_.row.values[slot];
-    const auto at = static_cast<size_t>(value >= 0 && value < 0x1p32 ? value : 0x1p32);
-    if (at >= table.scene_index.size() || static_cast<double>(at) != value) return false;
-    index = table.scene_index[at];
-    return true;
-  }
-
   tl::unexpected<Error> NotListed(const IndexTable& table, FaceSlot slot, const char* name) {
     return rows_.source.FailHere(fmt::format("face {} (counted from 0) has {} {}, but {} lists {}",
-                                             rows_.row_number, name, rows_.row.values[slot], LibraryPath(),
-                                             table.scene_index.size()));
+                                             rows_.row_number, name, rows_.row.values[slot],
+                                             tables_.LibraryPath(), table.scene_index.size()));
   }
 
   /// A strip may be the whole model in one list, so it is read in pieces.
@@ -311,21 +334,20 @@ class PlyBody {
     Corner triangle[] = {strip_[0], strip_[1], strip_[2]};
     if (strip_length_ % 2 == 0) std::swap(triangle[0], triangle[1]);
     ++triangles_;
-    return sink_.AddPolygon(triangle, textures_.wanted ? textures_.scene_index.front() : kNoIndex, kNoIndex);
+    return sink_.AddPolygon(
+        triangle, tables_.textures.wanted ? tables_.textures.scene_index.front() : kNoIndex, kNoIndex);
   }
 
   const PlyHeader& header_;
   PlyRowReader<Source> rows_;
   ModelSink& sink_;
   const std::string& path_;
-  const std::string& model_;  ///< that was converted to this PLY; empty: none
   uint64_t vertex_count_ = 0, triangles_ = 0, short_faces_ = 0;
   bool real_to_255_ = false;  ///< channels of real numbers run to 255
   bool has_normals_ = false, has_uvs_ = false, has_colors_ = false;
   bool has_uv_lists_ = false;
   uint32_t uv_count_ = 0;  ///< of corners
-  IndexTable materials_, parts_;
-  IndexTable textures_;  ///< materials of the images that the header names
+  PlyTables tables_;
   std::vector<Corner> corners_;
   Corner strip_[3];
   uint32_t strip_length_ = 0;

@@ -14,6 +14,38 @@
 
 namespace quarry {
 
+/// Bytes of a row's start in the usual form: a byte 3, and three indices of 32 bits.
+inline constexpr uint32_t kTriangleBytes = 1 + 3 * 4;
+
+/// Where the wanted values of a binary row lie. Thread-safe.
+template <typename Source>
+class PlyValues {
+ public:
+  /// Of the plan's steps from `first` on, which have no lists, the first at byte `offset` of the row.
+  PlyValues(const PlyPlan& plan, size_t first, uint32_t offset) : end_(offset) {
+    for (size_t i = first; i < plan.steps.size(); ++i) {
+      const PlyStep& step = plan.steps[i];
+      if (step.target != PlyStep::kSkip) wanted_.push_back({end_, step.type, step.target});
+      end_ += SizeOf(step.type);
+    }
+  }
+  void Load(const char* row, double* values) const {
+    for (const Wanted& want : wanted_) values[want.slot] = Source::Load(row + want.offset, want.type);
+  }
+  bool empty() const { return wanted_.empty(); }
+  /// The byte after the last step.
+  uint32_t end() const { return end_; }
+
+ private:
+  struct Wanted {
+    uint32_t offset;
+    PlyType type;
+    uint8_t slot;
+  };
+  std::vector<Wanted> wanted_;
+  uint32_t end_;
+};
+
 /// Reads the rows of a PLY body, element after element, through the element's plan. `Source` is
 /// AsciiPlySource or BinaryPlySource. Thread safety: none.
 template <typename Source>
@@ -28,6 +60,30 @@ class PlyRowReader {
     if constexpr (Source::kBinary)
       if (!plan.has_lists) return FixedRows(element, plan, use);
     return RowsOneByOne(element, plan, use);
+  }
+
+  /// Reads one row. Errors: as Read()'s.
+  template <typename Use>
+  Status ReadNext(const PlyElement& element, const PlyPlan& plan, Use&& use) {
+    if (!ReadTriangle(plan))
+      for (const PlyStep& step : plan.steps) {
+        if (ReadStep(step)) [[likely]]
+          continue;
+        return RowFailure(element);
+      }
+    long_rows += source.EndRow();
+    QUARRY_TRY(use());
+    ++row_number;
+    return {};
+  }
+
+  /// Errors: the file is too short for the element's rows of `bytes` bytes.
+  Status ExpectRows(const PlyElement& element, uint32_t bytes) const {
+    const uint64_t left = source.bytes().remaining();
+    if (element.count <= left / bytes) return {};
+    return source.FailHere(fmt::format(
+        "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
+        element.count, bytes, element.name, left));
   }
 
   /// Reads one value, or one list of a row. False: see RowFailure().
@@ -59,27 +115,14 @@ class PlyRowReader {
   /// Binary rows without lists: values lie at fixed offsets, so a buffer full of rows goes through one loop.
   template <typename Use>
   Status FixedRows(const PlyElement& element, const PlyPlan& plan, Use&& use) {
-    struct Wanted {
-      uint32_t offset;
-      PlyType type;
-      uint8_t slot;
-    };
-    std::vector<Wanted> wanted;
-    uint32_t stride = 0;
-    for (const PlyStep& step : plan.steps) {
-      if (step.target != PlyStep::kSkip) wanted.push_back({stride, step.type, step.target});
-      stride += SizeOf(step.type);
-    }
+    const PlyValues<Source> values(plan, 0, 0);
+    const uint32_t stride = values.end();
+    QUARRY_TRY(ExpectRows(element, stride));
     ModelReader& bytes = source.bytes();
-    if (element.count > bytes.remaining() / stride)
-      return source.FailHere(fmt::format(
-          "the header promises {} rows of {} bytes for the element {}, but the file has {} bytes left",
-          element.count, stride, element.name, bytes.remaining()));
-    if (wanted.empty() && bytes.Skip(element.count * stride)) return {};
+    if (values.empty() && bytes.Skip(element.count * stride)) return {};
     for (; row_number < element.count; ++row_number) {
       if (!bytes.Ensure(stride)) return RowFailure(element);
-      const char* at = bytes.data();
-      for (const Wanted& want : wanted) row.values[want.slot] = Source::Load(at + want.offset, want.type);
+      values.Load(bytes.data(), row.values);
       bytes.Consume(stride);
       QUARRY_TRY(use());
     }
@@ -88,21 +131,12 @@ class PlyRowReader {
 
   template <typename Use>
   Status RowsOneByOne(const PlyElement& element, const PlyPlan& plan, Use&& use) {
-    for (; row_number < element.count; ++row_number) {
-      if (!ReadTriangle(plan))
-        for (const PlyStep& step : plan.steps) {
-          if (ReadStep(step)) [[likely]]
-            continue;
-          return RowFailure(element);
-        }
-      long_rows += source.EndRow();
-      QUARRY_TRY(use());
-    }
+    while (row_number < element.count) QUARRY_TRY(ReadNext(element, plan, use));
     return {};
   }
 
-  /// A row of the usual form at once: a byte 3, three indices of 32 bits, scalars. False, and nothing is
-  /// read, if the row is of another.
+  /// A row of the usual form, with scalars behind the indices, at once. False, and nothing is read, if the
+  /// row is of another.
   bool ReadTriangle(const PlyPlan& plan) {
     if constexpr (!Source::kBinary) {
       return false;
@@ -117,7 +151,7 @@ class PlyRowReader {
         const auto index = Source::Word(at + 1 + 4 * k);
         row.indices[k] = is_signed ? int64_t{static_cast<int32_t>(index)} : int64_t{index};
       }
-      at += 13;
+      at += kTriangleBytes;
       for (size_t i = 1; i < plan.steps.size(); ++i) {
         const PlyStep& step = plan.steps[i];
         if (step.target != PlyStep::kSkip) row.values[step.target] = Source::Load(at, step.type);

@@ -89,3 +89,32 @@ TEST_CASE("The format is chosen by content before the extension", "[import]") {
         "/nowhere/a.obj: cannot be opened: No such file or directory");
   CHECK(ImportModel("/", sink).error().message == "/: is not a regular file");
 }
+
+TEST_CASE("STL: many facets are read in chunks, by any number of threads alike", "[import][stl]") {
+  constexpr uint32_t kFacets = 50000;
+  std::string bytes = BinaryStl("many", kFacets, kFacets);
+  for (uint32_t i = 0; i < kFacets; ++i) bytes[84 + 50 * i + 48] = i % 3 == 0 ? '\x1F' : '\0';
+  for (uint32_t i = 0; i < kFacets; ++i) bytes[84 + 50 * i + 49] = i % 3 == 0 ? '\x80' : '\0';  // VisCAM
+  WorkTeam team(3);
+  for (WorkTeam* helpers : {static_cast<WorkTeam*>(nullptr), &team}) {
+    RecordingSink sink;
+    sink.helpers = helpers;
+    REQUIRE(ImportText("a.stl", bytes, sink) == "");
+    REQUIRE(sink.positions.size() == 3 * kFacets);
+    REQUIRE(sink.polygons.size() == kFacets);
+    size_t wrong = 0;
+    for (uint32_t i = 0; i < kFacets; ++i) {
+      const RecordingSink::Polygon& facet = sink.polygons[i];
+      wrong += facet.color.b != 255 || facet.color.r != (i % 3 == 0 ? 0 : 255);
+      for (uint32_t k = 0; k < 3; ++k) {
+        wrong += facet.corners[k].position != 3 * i + k;
+        wrong += sink.positions[3 * i + k].x != static_cast<float>(12 * i + 3 * (k + 1));
+      }
+    }
+    CHECK(wrong == 0);
+    CHECK(sink.warnings.empty());
+  }
+  RecordingSink sink;
+  sink.helpers = &team;
+  CHECK(ImportText("a.stl", bytes.substr(0, 84 + 50 * 40000 + 7), sink) != "");
+}

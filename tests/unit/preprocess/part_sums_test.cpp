@@ -32,13 +32,22 @@ void Invert(std::vector<Triangle>& triangles) {
   for (Triangle& t : triangles) std::swap(t[1], t[2]);
 }
 
+/// Adds the triangles in runs of 1, 2, 3, ... triangles.
 void Add(PartSums& sums, uint32_t part, const std::vector<Triangle>& triangles) {
+  std::vector<PartRun> runs;
+  size_t room = 1;
   for (const Triangle& t : triangles) {
     TriangleRecord record;
     std::ranges::copy(t, record.vertices);
     record.part = part;
-    sums.Add(record, FaultOf(record));
+    AddToRuns(record, FaultOf(record), runs);
+    CHECK(runs.size() == 1);
+    if (runs.front().sum.triangles < room) continue;
+    sums.Add(runs.front());
+    runs.clear();
+    ++room;
   }
+  for (const PartRun& run : runs) sums.Add(run);
 }
 
 ScenePart FactsOf(const std::vector<Triangle>& triangles) {
