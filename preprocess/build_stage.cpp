@@ -304,7 +304,7 @@ Status BuildStage::Route() {
     const uint64_t end = std::min(routed_ + kRoutedPerCheckpoint, triangles);
     QUARRY_TRY(files_->Add(*scene_.triangles, routed_, end, meta_.padding,
                            [&](uint64_t done) { progress_.Update(done, triangles); }));
-    QUARRY_TRY(files_->Sync());
+    QUARRY_TRY(files_->WriteOut());
     ByteWriter checkpoint;
     checkpoint.Put(end);
     checkpoint.PutArray(files_->counts());
@@ -344,7 +344,7 @@ Status BuildStage::SmoothBorders() {
     QUARRY_TRY(borders_->AddRegions(*files_, smoothed_, end, threads,
                                     [&](uint64_t triangles) { progress_.Update(done += triangles, all); }));
     smoothed_ = end;
-    QUARRY_TRY(borders_->files().Sync());
+    QUARRY_TRY(borders_->files().WriteOut());
     ByteWriter checkpoint;
     checkpoint.Put(smoothed_);
     checkpoint.PutArray(borders_->files().counts());
@@ -360,7 +360,7 @@ Status BuildStage::SaveBuilt(bool now) {
   if (saved_regions_ == subtrees_.size() || (!now && SecondsSince(saved_at_) < options_.checkpoint_seconds))
     return {};
   if (saved_voxels_ + subtrees_[saved_regions_].voxels > writer_->voxel_count()) return {};
-  QUARRY_TRY(writer_->Sync());
+  QUARRY_TRY(writer_->Flush());
   while (saved_regions_ < subtrees_.size() &&
          saved_voxels_ + subtrees_[saved_regions_].voxels <= writer_->voxel_count()) {
     const TopSubtree& subtree = subtrees_[saved_regions_];

@@ -8,18 +8,22 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <fstream>
 #include <sstream>
 #include <utility>
 
 #include "common/base/cleanup.h"
 #include "common/base/file.h"
+#include "common/base/resource.h"
 
 namespace quarry {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr uint32_t kCommand = 0;  // the first record of every journal
+// Records that are no checkpoints. The first two of every journal:
+constexpr uint32_t kCommand = 0, kBoot = 0x100;
+constexpr uint32_t kDurable = 0x101;  // this and all before it survive a loss of power
 constexpr uint32_t kHeaderBytes = 16;
 
 Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
@@ -88,8 +92,10 @@ Status MakeFolder(const std::string& path) {
 }  // namespace
 
 Result<WorkFolder> WorkFolder::Open(const std::string& output, const std::string& spill,
-                                    const std::string& command, bool resume, const std::string& goes_on) {
+                                    const std::string& command, bool resume, const std::string& goes_on,
+                                    Durability durability) {
   WorkFolder folder;
+  folder.durability_ = std::move(durability);
   folder.path_ = BesidePath(output, ".work");
   folder.spill_ = spill.empty() ? folder.path_ : SpillFolderFor(output, spill);
   const std::string left = "the finished part is kept in " + folder.path_ + ": " + goes_on;
@@ -107,6 +113,9 @@ WorkFolder::WorkFolder(WorkFolder&& other) noexcept
     : path_(std::move(other.path_)),
       spill_(std::move(other.spill_)),
       journal_(std::exchange(other.journal_, -1)),
+      durability_(std::move(other.durability_)),
+      opened_(other.opened_),
+      durable_(other.durable_),
       checkpoints_(std::move(other.checkpoints_)),
       kept_(other.kept_),
       cleanups_(std::move(other.cleanups_)) {}
@@ -129,10 +138,16 @@ Status WorkFolder::Begin(const std::string& command) {
   }
   journal_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_APPEND | O_CLOEXEC, 0644);
   if (journal_ < 0) return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
-  const Bytes begun = Framed(kCommand, AsBytes(command));
-  if (::write(journal_, begun.data(), begun.size()) != static_cast<ssize_t>(begun.size()))
-    return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno ? errno : ENOSPC)));
-  return {};
+  QUARRY_TRY(Append(Framed(kCommand, AsBytes(command))));
+  return Append(Framed(kBoot, AsBytes(durability_.boot)));
+}
+
+/// Whether the system has been started anew since, and checkpoints were not durable yet.
+bool WorkFolder::WasLost(std::span<const SavedCheckpoint> journal) const {
+  if (journal.size() < 2) return true;
+  const bool same_boot = !durability_.boot.empty() && AsText(journal[1].bytes) == durability_.boot;
+  return !same_boot &&
+         std::ranges::find(journal, CheckpointKind{kDurable}, &SavedCheckpoint::kind) == journal.end();
 }
 
 /// False: there is nothing to continue.
@@ -149,7 +164,8 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
       [](const SavedCheckpoint& checkpoint) { return checkpoint.kind == CheckpointKind::kBuilt; });
   // Killed after the store got its name: the run is complete, and nothing is left to continue.
   const bool named = building && ::access(store().c_str(), F_OK) != 0;
-  if (checkpoints_.size() < 2 || named) {
+  const bool lost = WasLost(checkpoints_);
+  if (checkpoints_.size() <= 2 || named || lost) {
     checkpoints_.clear();
     return false;
   }
@@ -159,7 +175,10 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
         Error{fmt::format("{}: was begun with {}; repeat that, or start again without --resume", path_,
                           FirstDifference(then, command)),
               ErrorKind::kCannotResume});
-  checkpoints_.erase(checkpoints_.begin());
+  checkpoints_.erase(checkpoints_.begin(), checkpoints_.begin() + 2);
+  durable_ = std::erase_if(checkpoints_, [](const SavedCheckpoint& checkpoint) {
+               return checkpoint.kind == CheckpointKind{kDurable};
+             }) > 0;
   journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
   if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)
     return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
@@ -168,21 +187,40 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
 }
 
 Status WorkFolder::Add(CheckpointKind kind, const Bytes& bytes) {
-  const Bytes framed = Framed(static_cast<uint32_t>(kind), bytes);
-  const std::string name = path_ + "/journal";
-  size_t done = 0;
-  while (done < framed.size()) {
-    const ssize_t n = ::write(journal_, framed.data() + done, framed.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(n < 0 ? errno : ENOSPC)));
-    done += static_cast<size_t>(n);
-  }
-  if (::fsync(journal_) != 0 && errno != EINVAL && errno != EROFS)
-    return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
-  if (!kept_)
-    for (const std::string& made : {name, path_, spill_}) SyncFolderOf(made);
+  const bool durable = durable_ || durability_.boot.empty() || SecondsSince(opened_) >= durability_.after_s;
+  if (durable) QUARRY_TRY(MakeDurable());
+  QUARRY_TRY(Append(Framed(static_cast<uint32_t>(kind), bytes)));
+  if (durable && ::fsync(journal_) != 0 && errno != EINVAL && errno != EROFS)
+    return Fail(fmt::format("{}/journal: cannot write: {}", path_, ErrnoText(errno)));
   KeepOnSignal();
   return {};
+}
+
+/// Makes all files in the folders durable, and says so in the journal.
+Status WorkFolder::MakeDurable() {
+  QUARRY_TRY(SyncFilesIn(path_));
+  if (spill_ != path_) QUARRY_TRY(SyncFilesIn(spill_));
+  if (std::exchange(durable_, true)) return {};
+  for (const std::string& made : {path_, spill_}) SyncFolderOf(made);
+  return Append(Framed(kDurable, {}));
+}
+
+Status WorkFolder::Append(std::span<const std::byte> record) {
+  while (!record.empty()) {
+    const ssize_t n = ::write(journal_, record.data(), record.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0)
+      return Fail(fmt::format("{}/journal: cannot write: {}", path_, ErrnoText(n < 0 ? errno : ENOSPC)));
+    record = record.subspan(static_cast<size_t>(n));
+  }
+  return {};
+}
+
+std::string WorkFolder::BootId() {
+  std::ifstream file("/proc/sys/kernel/random/boot_id");
+  std::string id;
+  std::getline(file, id);
+  return id;
 }
 
 void WorkFolder::HoldOnSignal() {

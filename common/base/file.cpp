@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <filesystem>
 #include <utility>
 #include <vector>
 
@@ -36,7 +37,33 @@ void KeepModeOf(const std::string& path, int fd) {
     (void)::fchmod(fd, replaced.st_mode & 0777);
 }
 
+/// Makes a file's bytes durable. Some devices (/dev/full, pipes) refuse that; a disk does not.
+Status SyncFile(int fd, const std::string& path) {
+  if (::fsync(fd) == 0 || errno == EINVAL || errno == EROFS) return {};
+  return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+}
+
 }  // namespace
+
+Status SyncFilesIn(const std::string& path) {
+  std::error_code none;
+  // All files are begun before any is waited for: with thousands, each would wait alone for an idle disk.
+  for (const bool waits : {false, true})
+    for (const auto& entry : std::filesystem::directory_iterator(path, none)) {
+      if (!entry.is_regular_file(none)) continue;
+      const int fd = ::open(entry.path().c_str(), O_WRONLY | O_CLOEXEC);
+      if (fd < 0) continue;  // it is gone again
+      Status synced;
+      if (waits)
+        synced = SyncFile(fd, entry.path());
+      else
+        (void)!::sync_file_range(fd, 0, 0, SYNC_FILE_RANGE_WRITE);
+      ::close(fd);
+      QUARRY_TRY(synced);
+    }
+  SyncFolderOf(path + "/");
+  return {};
+}
 
 void SyncFolderOf(const std::string& path) {
   const size_t slash = path.rfind('/');
@@ -209,18 +236,11 @@ Status OutputFile::Shorten(uint64_t size) {
   return {};
 }
 
-Status OutputFile::Sync() {
-  QUARRY_TRY(Flush());
-  // Some devices (/dev/full, pipes) refuse fsync(); a disk does not.
-  if (::fsync(fd_) != 0 && errno != EINVAL && errno != EROFS)
-    return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
-  return {};
-}
-
 Status OutputFile::Commit() {
   QUARRY_TRY(CheckNotRead(path_));
   if (!stream()) KeepModeOf(path_, fd_);
-  QUARRY_TRY(Sync());
+  QUARRY_TRY(Flush());
+  QUARRY_TRY(SyncFile(fd_, path_));
   if (!stream() && ::rename(temporary_.c_str(), path_.c_str()) != 0)
     return Fail(fmt::format("{}: cannot write: {}", path_, ErrnoText(errno)));
   ::close(std::exchange(fd_, -1));
@@ -235,6 +255,15 @@ Status CheckWritable(const OutputPlace& place) {
   static std::vector<OutputFile> streams;
   if (place.stream) streams.push_back(std::move(file));
   return {};
+}
+
+Status WriteFile(const std::string& path, std::span<const std::byte> bytes) {
+  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (fd < 0) return Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  Status written = WriteAll(fd, path, reinterpret_cast<const char*>(bytes.data()), bytes.size(), -1);
+  if (::close(fd) != 0 && written)
+    written = Fail(fmt::format("{}: cannot write: {}", path, ErrnoText(errno)));
+  return written;
 }
 
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes) {

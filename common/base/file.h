@@ -75,8 +75,8 @@ class OutputFile {
   Status Shorten(uint64_t size);
   /// Bytes appended so far, buffered bytes included.
   uint64_t size() const { return size_; }
-  /// Flushes and calls fsync(): the appended bytes survive a loss of power. Errors: write errors.
-  Status Sync();
+  /// Writes the buffer out: what was appended survives the process. Errors: write errors.
+  Status Flush();
   /// Flushes, calls fsync() and renames; a file that is replaced leaves its mode to the new one. The object
   /// is unusable afterwards. Errors: write errors; (usage) a file that this run has read would be replaced
   /// (CheckNotRead()).
@@ -86,7 +86,6 @@ class OutputFile {
   OutputFile(std::string path, std::string temporary, int fd, bool kept);
   static Result<OutputFile> OpenStream(const std::string& path);
   bool stream() const { return temporary_.empty(); }
-  Status Flush();
   std::string path_;
   std::string temporary_;  ///< empty for a device or FIFO
   int fd_ = -1;
@@ -96,12 +95,19 @@ class OutputFile {
   std::string buffer_;
 };
 
+/// Makes the files in the folder `path` and their names survive a loss of power. Files below its folders are
+/// left. Errors: write errors.
+Status SyncFilesIn(const std::string& path);
+
 /// Makes new names in the folder of `path` survive a loss of power. Does nothing on file systems that cannot.
 void SyncFolderOf(const std::string& path);
 
 /// Checks that an output can be created at `place`, before the work that produces it. A FIFO stays open until
 /// the program ends. Errors: as OutputFile::Create(). Not thread-safe.
 Status CheckWritable(const OutputPlace& place);
+
+/// Writes `bytes` to the file `path`, which is created or emptied first. Errors: write errors.
+Status WriteFile(const std::string& path, std::span<const std::byte> bytes);
 
 /// Writes `bytes` to `path` through an OutputFile. Errors: as OutputFile.
 Status WriteFileAtomically(const std::string& path, std::span<const std::byte> bytes);

@@ -77,7 +77,7 @@ class StoreWriter {
   /// Begins a new store. Errors: as OutputFile::Create().
   static Result<StoreWriter> Create(const std::string& path);
   /// Continues a store whose file is `temporary`, which outlives the process. `progress` is the state at the
-  /// last Sync().
+  /// last Flush().
   static Result<StoreWriter> Continue(const std::string& path, const std::string& temporary,
                                       StoreProgress progress);
 
@@ -111,8 +111,8 @@ class StoreWriter {
                          const SceneViews& views = {}, const std::vector<std::string>& models = {});
   /// Bytes in the file so far.
   uint64_t bytes_written() const { return file_.size(); }
-  /// Makes the voxels and textures written so far survive a loss of power.
-  Status Sync() { return file_.Sync(); }
+  /// Writes the buffer out: the voxels and textures so far survive the process.
+  Status Flush() { return file_.Flush(); }
   const std::vector<VoxelEntry>& directory() const { return directory_; }
   const std::vector<uint64_t>& logical() const { return logical_; }
   const VoxelPartLists& parts() const { return parts_; }

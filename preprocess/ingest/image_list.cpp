@@ -134,7 +134,7 @@ Result<uint32_t> ImageList::Add(TextureImage image) {
 }
 
 Status ImageList::Save(ByteWriter& out) {
-  if (file_) QUARRY_TRY(file_->Sync());
+  if (file_) QUARRY_TRY(file_->Flush());
   out.Put(file_ ? file_->size() : uint64_t{0});
   out.Put(static_cast<uint32_t>(images_.size()));
   for (const TextureImage& image : images_) {
@@ -166,7 +166,7 @@ Status ImageList::Restore(ByteReader& in) {
 }
 
 Result<std::vector<TextureImage>> ImageList::Finish() {
-  if (file_) QUARRY_TRY(file_->Sync());
+  if (file_) QUARRY_TRY(file_->Flush());
   return std::move(images_);
 }
 

@@ -25,7 +25,7 @@ class ImageList {
   Result<uint32_t> Add(TextureImage image);
   const std::vector<TextureImage>& images() const { return images_; }
 
-  /// Makes the file durable and appends the state that Restore() needs to `out`.
+  /// Writes the file out and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
   /// Restores the list for Finish(). Bytes that end too early make `in` not ok(). Errors: the file is shorter
   /// than it was.

@@ -143,7 +143,7 @@ Result<Bytes> SpillSink::Save() {
   QUARRY_TRY(images_.Save(out));
   QUARRY_TRY(triangles_.Save(out));
   const Bytes state = out.Take();
-  QUARRY_TRY(WriteFileAtomically(StatePath(folder_), state));  // which makes all names in the folder durable
+  QUARRY_TRY(WriteFile(StatePath(folder_), state));
   ByteWriter reference;
   reference.Put(uint64_t{state.size()});
   reference.Put(Checksum(state));

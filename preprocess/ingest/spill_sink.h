@@ -88,10 +88,10 @@ class SpillSink final : public ModelSink {
   /// Calls `on_read` with the bytes read of the current file and its size.
   void OnRead(std::function<void(uint64_t done, uint64_t total)> on_read) { on_read_ = std::move(on_read); }
 
-  /// Makes the import durable after the last file and returns a reference to it, a few bytes, for Restore().
+  /// Writes the import out after the last file and returns a reference to it, a few bytes, for Restore().
   /// Names, materials and the sample may be many: they are written to a file. Errors: disk full.
   Result<Bytes> Save();
-  /// Takes over the import that Save() made durable. With `routed`, the triangles have been routed to regions
+  /// Takes over the import that Save() wrote out. With `routed`, the triangles have been routed to regions
   /// since. Requires: no file has begun. Errors: files are absent or differ.
   Status Restore(std::span<const std::byte> saved, bool routed);
   /// Whether the triangles exceed the number that is split in memory.

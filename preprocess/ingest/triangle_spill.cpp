@@ -114,7 +114,7 @@ void TriangleSpill::WeighUp() {
 bool TriangleSpill::spills() const { return out_.triangles && out_.triangles->count() > kMostInMemory; }
 
 Status TriangleSpill::Save(ByteWriter& out) {
-  QUARRY_TRY(out_.triangles->Sync());
+  QUARRY_TRY(out_.triangles->WriteOut());
   out.Put(static_cast<uint8_t>(out_.attributes));
   out.PutVec3(out_.bounds.lower);
   out.PutVec3(out_.bounds.upper);

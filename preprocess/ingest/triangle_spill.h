@@ -57,7 +57,7 @@ class TriangleSpill {
   /// Whether the triangles exceed the number that is split in memory.
   bool spills() const;
 
-  /// Makes the file durable and appends the state that Restore() needs to `out`.
+  /// Writes the file out and appends the state that Restore() needs to `out`.
   Status Save(ByteWriter& out);
   /// With `routed`, the triangles have been routed to regions since: the file may be gone. Errors: the file
   /// has fewer triangles than it had.

@@ -68,8 +68,8 @@ class RegionFiles {
   Status Add(const SpillFile& triangles, uint64_t first, uint64_t last, float padding,
              const std::function<void(uint64_t)>& progress);
   Status FinishWriting() { return files_.FinishWriting(); }
-  /// Makes the files durable. Errors: disk full.
-  Status Sync() { return files_.Sync(); }
+  /// Writes the buffers out: the triangles so far survive the process. Errors: disk full.
+  Status WriteOut() { return files_.WriteOut(); }
 
   SpillFile& file(size_t region) { return files_[region]; }
   const SpillFile& file(size_t region) const { return files_[region]; }

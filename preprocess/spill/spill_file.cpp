@@ -186,18 +186,9 @@ Status SpillFile::FinishWriting() {
   return written;
 }
 
-void SpillFile::BeginSync() const {
-  const Descriptor file(content_->path, O_WRONLY);
-  if (file.get() >= 0) (void)!::sync_file_range(file.get(), 0, 0, SYNC_FILE_RANGE_WRITE);
-}
-
-Status SpillFile::Sync() {
+Status SpillFile::WriteOut() {
   QUARRY_TRY(Flush());
-  QUARRY_TRY(Settle());
-  const Descriptor file(content_->path, O_WRONLY);
-  if (file.get() < 0 || (::fdatasync(file.get()) != 0 && errno != EINVAL))
-    return CannotWrite(content_->path, errno);
-  return {};
+  return Settle();
 }
 
 /// The first element after a block.

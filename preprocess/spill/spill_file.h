@@ -61,11 +61,8 @@ class SpillFile {
   /// Flushes, waits for the writer, which may end afterwards, and frees the buffer. Required before reading.
   /// Nothing more may be appended. Errors: disk full.
   Status FinishWriting();
-  /// Starts the writing that Sync() waits for: with thousands of files, each Sync() would otherwise wait
-  /// alone for an idle disk. Requires: the writer has been waited for.
-  void BeginSync() const;
-  /// Flushes and makes the elements durable. Errors: disk full.
-  Status Sync();
+  /// Flushes and waits for the writer: the elements so far survive the process. Errors: disk full.
+  Status WriteOut();
   /// Reads elements [first, first + out.size() / element_bytes) into `out`. Errors: read errors; absent or
   /// damaged blocks.
   Status Read(uint64_t first, std::span<std::byte> out) const;

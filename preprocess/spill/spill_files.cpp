@@ -4,15 +4,12 @@
 
 #include <algorithm>
 
-#include "common/base/file.h"
-
 namespace quarry {
 
 Result<SpillFiles> SpillFiles::Open(const std::string& prefix, size_t files, size_t element_bytes,
                                     const Options& options) {
   constexpr size_t kLeastBlock = 4096, kMostBlock = 256 << 10;
   SpillFiles opened;
-  opened.prefix_ = prefix;
   SpillFile::Options each;
   each.block_bytes = std::clamp<size_t>(options.memory / files, kLeastBlock, kMostBlock);
   each.writer = opened.writer_.get();
@@ -32,13 +29,9 @@ Status SpillFiles::FinishWriting() {
   return {};
 }
 
-Status SpillFiles::Sync() {
+Status SpillFiles::WriteOut() {
   for (SpillFile& file : files_) QUARRY_TRY(file.Flush());
-  QUARRY_TRY(writer_->Wait());
-  for (const SpillFile& file : files_) file.BeginSync();
-  SyncFolderOf(prefix_);
-  for (SpillFile& file : files_) QUARRY_TRY(file.Sync());
-  return {};
+  return writer_->Wait();
 }
 
 std::vector<uint64_t> SpillFiles::counts() const {

@@ -28,8 +28,8 @@ class SpillFiles {
   Status Append(size_t file, const void* element) { return files_[file].Append(element); }
   /// Ends appending: required before reading.
   Status FinishWriting();
-  /// Makes the files durable. Errors: disk full.
-  Status Sync();
+  /// Writes the buffers out: the elements so far survive the process. Errors: disk full.
+  Status WriteOut();
 
   SpillFile& operator[](size_t file) { return files_[file]; }
   const SpillFile& operator[](size_t file) const { return files_[file]; }
@@ -38,7 +38,6 @@ class SpillFiles {
  private:
   SpillFiles() = default;
 
-  std::string prefix_;
   std::vector<SpillFile> files_;
   std::unique_ptr<SpillWriter> writer_ =
       std::make_unique<SpillWriter>();  ///< of files_; declared last, so that it ends first

@@ -41,7 +41,7 @@ Result<uint32_t> OpacityTiles::Add(const OpacityTile& tile) {
 }
 
 Status OpacityTiles::EndWriting() {
-  QUARRY_TRY(out_->Sync());
+  QUARRY_TRY(out_->Flush());
   out_.reset();
   QUARRY_ASSIGN(in_, InputFile::Open(place_->path()));
   return {};

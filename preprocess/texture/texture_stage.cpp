@@ -118,7 +118,7 @@ Status TextureStage::Run(StoreWriter& writer, Progress& progress,
     QUARRY_TRY(pages.Then([&]() -> Status {
       progress.Update(numbers_.size(), images_.size());
       if (SecondsSince(saved) < kSecondsPerCheckpoint) return {};
-      QUARRY_TRY(writer.Sync());
+      QUARRY_TRY(writer.Flush());
       QUARRY_TRY(save(TakeUnsaved(writer)));
       saved = Clock::now();
       return {};

@@ -39,7 +39,7 @@ class TextureStage {
   /// store's writer. Errors: the checkpoint cannot be read.
   Status Restore(std::span<const std::byte> checkpoint, std::vector<WrittenTexture>& textures);
   /// Carries the remaining images. `save` is called now and then with a checkpoint of the images since the
-  /// last, after the writer's file has been synchronised. Errors: disk full; too little memory.
+  /// last, after the writer's file has been written out. Errors: disk full; too little memory.
   Status Run(StoreWriter& writer, Progress& progress, const std::function<Status(const Bytes&)>& save);
   /// Renumbers the materials' bindings to the store's textures. Removes bindings to images left out, and
   /// opacity bindings to images without alpha. Heights that are a normal map by their mean colour become

@@ -200,7 +200,7 @@ TEST_CASE("Regions hold every triangle that touches their cells, in order, and c
     auto files = RegionFiles::Open(tree, folder.file("r-"), spill->element_bytes(), 1 << 20, 0, {}, {});
     REQUIRE(files.has_value());
     REQUIRE(files->Add(*spill, 0, 150000, kPadding, nothing));
-    REQUIRE(files->Sync());
+    REQUIRE(files->WriteOut());
     counts = files->counts();
     contents = files->contents();
     REQUIRE(files->Add(*spill, 150000, 170000, kPadding, nothing));  // lost

@@ -75,7 +75,7 @@ TEST_CASE("Spill files return the appended bytes, packed or not, written here or
         auto file = SpillFile::Open(path, sizeof(Element), 0, options);
         REQUIRE(file.has_value());
         AppendUpTo(*file, kCount / 3);
-        REQUIRE(file->Sync());  // a block that is not full
+        REQUIRE(file->WriteOut());  // a block that is not full
         AppendUpTo(*file, kCount);
         REQUIRE(file->FinishWriting());
         bytes[packed] = std::filesystem::file_size(path);
@@ -130,7 +130,7 @@ TEST_CASE("A spill file continues where it was synchronised, and only there") {
     auto file = SpillFile::Open(path, sizeof(Element), 0);
     REQUIRE(file.has_value());
     AppendUpTo(*file, kCount / 2);
-    REQUIRE(file->Sync());
+    REQUIRE(file->WriteOut());
     AppendUpTo(*file, kCount);
     REQUIRE(file->FinishWriting());
   }
@@ -168,7 +168,7 @@ TEST_CASE("Headers of a spill file's blocks are checked", "[resume]") {
     auto file = SpillFile::Open(path, sizeof(Element), 0);
     REQUIRE(file.has_value());
     AppendUpTo(*file, 1000);
-    REQUIRE(file->Sync());
+    REQUIRE(file->WriteOut());
   }
   const auto damage = [&](uint32_t elements, uint32_t stored) {
     const int fd = ::open(path.c_str(), O_WRONLY);

@@ -75,5 +75,38 @@ TEST_CASE("WorkFolder continues from the journal unless the store already has it
   }
 }
 
+TEST_CASE("WorkFolder continues after a loss of power from durable checkpoints alone") {
+  const TemporaryFolder folder;
+  const auto open = [&](bool resume, const std::string& boot, double after_s) {
+    auto work =
+        WorkFolder::Open(folder.file("x.quarry"), "", "--voxel-size 1", resume, "go on", {boot, after_s});
+    REQUIRE(work);
+    return std::move(*work);
+  };
+  const auto kinds = [](const WorkFolder& work) {
+    std::vector<CheckpointKind> found;
+    for (const SavedCheckpoint& checkpoint : work.checkpoints()) found.push_back(checkpoint.kind);
+    return found;
+  };
+  using enum CheckpointKind;
+  REQUIRE(open(false, "monday", 1e9).Add(kImported, Bytes(8)));
+  CHECK(kinds(open(true, "monday", 1e9)) == std::vector{kImported});
+  SECTION("none is durable") { CHECK(open(true, "tuesday", 1e9).checkpoints().empty()); }
+  SECTION("the system's boot cannot be told") { CHECK(open(true, "", 1e9).checkpoints().empty()); }
+  SECTION("a durable one makes all before it durable") {
+    REQUIRE(open(true, "monday", 0).Add(kRegions, Bytes(8)));
+    {
+      WorkFolder work = open(true, "tuesday", 1e9);
+      CHECK(kinds(work) == std::vector{kImported, kRegions});
+      REQUIRE(work.Add(kRouted, Bytes(8)));  // durable too, as those before it are
+    }
+    CHECK(kinds(open(true, "wednesday", 1e9)) == std::vector{kImported, kRegions, kRouted});
+  }
+  SECTION("without a boot every one is durable") {
+    REQUIRE(open(false, "", 1e9).Add(kImported, Bytes(8)));
+    CHECK(kinds(open(true, "tuesday", 1e9)) == std::vector{kImported});
+  }
+}
+
 }  // namespace
 }  // namespace quarry::test
