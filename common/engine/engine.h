@@ -43,7 +43,7 @@ class Engine {
   ~Engine();
 
   /// Announces a view before its tiles. `integrator`: null for the one of the view's mode. Requires: the view
-  /// is normalized; no view has had `number`; tiles are of integrators that need surfaces, lists of others.
+  /// is normalized; no view has had `number`; tiles are of integrators that need pixels, lists of others.
   void SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator = {});
   /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
   /// abandoned; `done` is called for none of these tiles.
@@ -52,8 +52,8 @@ class Engine {
   /// go before the others, and a thread leaves less urgent rays alone while more urgent ones can go on.
   /// Errors: CheckTile().
   Status Render(uint64_t view, const Tile& tile, OnTile done, Urgency urgency = Urgency::kJob);
-  /// Queues a part of a list of rays in the same way. Requires: the view's integrator needs no surfaces; the
-  /// rays are such as RayList needs.
+  /// Queues a part of a list of rays in the same way. Requires: the view's integrator needs no pixels, and
+  /// finds the part's goal; the rays are such as RayList needs.
   void Trace(uint64_t view, RayPart part, OnTile done, Urgency urgency = Urgency::kJob);
 
   /// Gives queued tiles back: calls `done` for each, on this thread, with RenderedTile::begun false.

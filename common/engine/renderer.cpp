@@ -100,6 +100,23 @@ void Renderer::ScheduleLoader() {
   });
 }
 
+namespace {
+
+std::shared_ptr<const Integrator> IntegratorOf(RayGoal goal, bool surfaces) {
+  switch (goal) {
+    case RayGoal::kAny:
+      return std::make_shared<const AnyHits>();
+    case RayGoal::kNearest:
+      return std::make_shared<const NearestHits>(surfaces);
+    case RayGoal::kCount:
+    case RayGoal::kAll:
+      break;
+  }
+  return std::make_shared<const AllHits>(surfaces);
+}
+
+}  // namespace
+
 Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                         std::stop_token stop, std::shared_ptr<const Integrator> integrator) {
   const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) {
@@ -110,27 +127,51 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
 
 Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop,
                                          const View& view) {
+  QUARRY_ASSIGN(RayAnswers answers,
+                Ask(std::move(rays), {.goal = goal, .from_origin = true}, std::move(stop), view));
+  return std::move(answers.hits);
+}
+
+Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const RayAsk& ask,
+                                           std::stop_token stop, const View& view) {
   if (rays.size() > kMostRaysOfCall) return BadUsage(fmt::format("more than {} rays", kMostRaysOfCall));
   for (const RayQuery& ray : rays) QUARRY_TRY(CheckRay(ray));
-  std::shared_ptr<const Integrator> integrator;
-  if (goal == RayGoal::kAny)
-    integrator = std::make_shared<const AnyHits>();
-  else
-    integrator = std::make_shared<const NearestHits>();
-  std::vector<Hit> hits(rays.size());
+  const bool all = ask.goal == RayGoal::kAll, one_each = !all && ask.goal != RayGoal::kCount;
+  const bool surfaces = ask.surfaces && (all || ask.goal == RayGoal::kNearest);
   const auto count = static_cast<uint32_t>(rays.size());
-  const auto list = std::make_shared<const std::vector<RayQuery>>(std::move(rays));
+  const size_t parts = (count + kMostRays - 1) / kMostRays;
+  RayPart part{std::make_shared<const std::vector<RayQuery>>(std::move(rays))};
+  part.goal = ask.goal;
+  part.from_origin = ask.from_origin;
+  part.has_surfaces = surfaces;
+  RayAnswers answers;
+  if (one_each) answers.hits.resize(count);
+  if (one_each && surfaces) answers.surfaces.resize(count);
+  if (!one_each) answers.counts.resize(count);
+  std::vector<RenderedTile> of_parts(all ? parts : 0);
   const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) -> Status {
-    const auto first = static_cast<uint32_t>(i) * kMostRays;
-    engine_->Trace(number, {list, first, std::min(kMostRays, count - first)}, std::move(done));
+    part.first = static_cast<uint32_t>(i) * kMostRays;
+    part.count = std::min(kMostRays, count - part.first);
+    engine_->Trace(number, part, std::move(done));
     return {};
   };
-  const OnTile keep = [&](size_t i, const RenderedTile& result, Progress) {
-    std::ranges::copy(result.hits, hits.begin() + static_cast<std::ptrdiff_t>(i * kMostRays));
+  const OnTile keep = [&](size_t i, RenderedTile result, Progress) {
+    const auto first = static_cast<std::ptrdiff_t>(i * kMostRays);
+    std::ranges::copy(result.counts, answers.counts.begin() + (one_each ? 0 : first));
+    if (all) {
+      of_parts[i] = std::move(result);
+    } else if (one_each) {
+      std::ranges::copy(result.hits, answers.hits.begin() + first);
+      std::ranges::copy(result.surfaces, answers.surfaces.begin() + (surfaces ? first : 0));
+    }
   };
-  QUARRY_TRY(
-      Run(view, std::move(integrator), (count + kMostRays - 1) / kMostRays, queue, keep, std::move(stop)));
-  return hits;
+  QUARRY_TRY(Run(view, IntegratorOf(ask.goal, surfaces), parts, queue, keep, std::move(stop)));
+  for (RenderedTile& of_part : of_parts) {
+    answers.hits.insert(answers.hits.end(), of_part.hits.begin(), of_part.hits.end());
+    answers.surfaces.insert(answers.surfaces.end(), of_part.surfaces.begin(), of_part.surfaces.end());
+    of_part = {};
+  }
+  return answers;
 }
 
 /// Announces a view, queues its parts and waits until all are done.

@@ -92,6 +92,22 @@ class Renderer {
   /// Errors (usage): CheckRay(); more than kMostRaysOfCall. Else as Render()'s.
   Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {},
                                  const View& view = {});
+  /// What a list of rays is asked for.
+  struct RayAsk {
+    RayGoal goal = RayGoal::kNearest;
+    bool surfaces = false;  ///< also part, material and normal of each hit; not with kAny and kCount
+    bool from_origin =
+        false;  ///< hits' t counts from the queries' origins, rounded to float; else see TracedRay
+  };
+  struct RayAnswers {
+    std::vector<Hit> hits;  ///< one a ray, or with kAll those of the first ray, the second, ...; kCount: none
+    std::vector<uint32_t> counts;      ///< kCount and kAll: hits of each ray
+    std::vector<HitSurface> surfaces;  ///< of the hits, if asked for
+  };
+  /// Traces rays as `ask` says. Memory: the answers, and with kAll those of the parts under way. Else as
+  /// Trace().
+  Result<RayAnswers> Ask(std::vector<RayQuery> rays, const RayAsk& ask, std::stop_token stop = {},
+                         const View& view = {});
   static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
   // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView;

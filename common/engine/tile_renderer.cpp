@@ -67,8 +67,8 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
 }
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
-  QUARRY_CHECK(!view->integrator->needs().surfaces);
-  film_.OpenHits(part.count);
+  QUARRY_CHECK(!view->integrator->needs().pixels);
+  film_.OpenHits(part.count, part.goal, part.has_surfaces);
   touched_ = {};
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;

@@ -27,7 +27,7 @@ class TileRenderer {
  public:
   /// Begins a tile and reuses the memory of the last. Requires: done(); the view's integrator needs surfaces.
   void Open(std::shared_ptr<const ViewContext> view, const Tile& tile);
-  /// Begins a part of a list. Requires: done(); the view's integrator needs no surfaces.
+  /// Begins a part of a list. Requires: done(); the view's integrator needs no pixels.
   void Open(std::shared_ptr<const ViewContext> view, RayPart part);
 
   /// Advances every ready sample to its next ray and traces these rays. Calls

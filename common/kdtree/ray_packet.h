@@ -102,10 +102,12 @@ struct alignas(64) RayPacket {
     waits_for[i] = kNoVoxel;
   }
   /// Sends an any-hit ray that has hit nothing on its way again, for a closest-hit function: it finds the
-  /// see-through triangles that the ray has passed, up to the same end.
+  /// see-through triangles that the ray has passed, between the same bounds.
   void StartAgain(uint32_t i) {
-    Unbind(uint64_t{1} << i);
-    t[i] = 0;
+    const uint64_t bit = uint64_t{1} << i;
+    see_through &= ~bit;
+    one_see_through &= ~bit;
+    t[i] = (bounded & bit) != 0 ? ResumeBefore(after_t[i]) : 0;
     triangle[i] = kNoTriangle;
     chain[i] = 0;
     waits_for[i] = kNoVoxel;

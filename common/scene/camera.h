@@ -27,11 +27,16 @@ struct PrimaryRays {
   uint32_t misses[kCount];  ///< 0 or 1
 };
 
-/// The ray from `origin` along `direction`, of unit length, clipped to a box. `stays`: the origin is not
-/// moved. Computes in double, with no libm function, so that rays are the same on every machine. Selects
-/// instead of branching, so that a loop of it becomes vector instructions. Thread-safe.
-inline PrimaryRay ClipToBox(const glm::dvec3& origin, const glm::dvec3& direction, const glm::dvec3& lower,
-                            const glm::dvec3& upper, bool stays) {
+/// Distances along a ray between which it is in a box; enter > exit: it misses the box.
+struct BoxSpan {
+  double enter = 0, exit = 1e300;
+};
+
+/// The span of the ray from `origin` along `direction`, of unit length. Computes in double, with no libm
+/// function, so that rays are the same on every machine. Selects instead of branching, so that a loop of it
+/// becomes vector instructions. Thread-safe.
+inline BoxSpan SpanInBox(const glm::dvec3& origin, const glm::dvec3& direction, const glm::dvec3& lower,
+                         const glm::dvec3& upper) {
   double enter = 0, exit = 1e300;
   const auto clip = [&](double o, double along, double least, double most) {
     const double d = std::fabs(along) < 1e-18 ? 1e-18 : along;
@@ -43,6 +48,13 @@ inline PrimaryRay ClipToBox(const glm::dvec3& origin, const glm::dvec3& directio
   clip(origin.x, direction.x, lower.x, upper.x);
   clip(origin.y, direction.y, lower.y, upper.y);
   clip(origin.z, direction.z, lower.z, upper.z);
+  return {enter, exit};
+}
+
+/// The same ray, clipped to the box. `stays`: the origin is not moved. Thread-safe.
+inline PrimaryRay ClipToBox(const glm::dvec3& origin, const glm::dvec3& direction, const glm::dvec3& lower,
+                            const glm::dvec3& upper, bool stays) {
+  const auto [enter, exit] = SpanInBox(origin, direction, lower, upper);
   const double start = stays ? 0 : enter;
   return {glm::vec3(origin + direction * start), glm::vec3(direction), static_cast<float>(start),
           enter > exit};

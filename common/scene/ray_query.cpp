@@ -15,7 +15,8 @@ Status CheckRay(const RayQuery& ray) {
   if (glm::any(glm::greaterThan(glm::abs(o), glm::dvec3(kFarthestOrigin))))
     return BadUsage("a ray begins too far from the scene");
   if (!(length > 0)) return BadUsage("a ray has no direction");
-  if (!(ray.end > 0)) return BadUsage("a ray ends before it begins");
+  if (!(ray.begin >= 0 && std::isfinite(ray.begin))) return BadUsage("a ray begins at no distance");
+  if (!(ray.end > ray.begin)) return BadUsage("a ray ends before it begins");
   return {};
 }
 

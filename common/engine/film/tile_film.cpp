@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 #include <utility>
 
 #include "common/engine/film/mean_color.h"
@@ -24,19 +25,41 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
   sums_.assign(kColorWords * pixels, {});
   aovs_.assign((view.words - kColorWords) * pixels, 0);
   hits_ = {};
+  surfaces_ = {};
+  counts_ = {};
   faults_ = {};
   edges_.Open(tile, view.view.edges && !tile.leaves_holes);
   holes_.assign(tile.leaves_holes ? pixels : 0, false);
 }
 
-void TileFilm::OpenHits(size_t count) {
+void TileFilm::OpenHits(size_t count, RayGoal goal, bool has_surfaces) {
   tile_ = {};
   depths_.clear();
   sums_.clear();
   aovs_.clear();
   holes_.clear();
   edges_.Open({}, false);
-  hits_.assign(count, {});
+  const bool one_each = goal == RayGoal::kNearest || goal == RayGoal::kAny;
+  keeps_all_ = goal == RayGoal::kAll;
+  hits_.assign(one_each ? count : 0, {});
+  surfaces_.assign(one_each && has_surfaces ? count : 0, {});
+  counts_.assign(one_each ? 0 : count, 0);
+  ray_of_hit_.clear();
+}
+
+/// Puts all hits in the order of their rays. Those of one ray have come in their order.
+void TileFilm::SortHits() {
+  std::vector<uint32_t> next(counts_.size());
+  std::exclusive_scan(counts_.begin(), counts_.end(), next.begin(), 0u);
+  std::vector<Hit> hits(hits_.size());
+  std::vector<HitSurface> surfaces(surfaces_.size());
+  for (size_t i = 0; i < hits_.size(); ++i) {
+    const uint32_t place = next[ray_of_hit_[i]]++;
+    hits[place] = hits_[i];
+    if (!surfaces.empty()) surfaces[place] = surfaces_[i];
+  }
+  hits_ = std::move(hits);
+  surfaces_ = std::move(surfaces);
 }
 
 void TileFilm::NoteFault(const glm::vec3& radiance) {
@@ -70,7 +93,11 @@ void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
   if (tile_.form == PixelForm::kSums) PutSums(view, result.pixels);
   if (tile_.form == PixelForm::kShown) PutShown(view, result.pixels);
   result.holes = static_cast<uint32_t>(std::ranges::count(holes_, true));
+  if (keeps_all_) SortHits();
+  keeps_all_ = false;
   result.hits = std::exchange(hits_, {});
+  result.surfaces = std::exchange(surfaces_, {});
+  result.counts = std::exchange(counts_, {});
   result.faults = faults_;
   result.depths = std::exchange(depths_, {});
 }

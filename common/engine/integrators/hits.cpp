@@ -4,13 +4,33 @@
 #include "common/engine/rays/lanes.h"
 
 namespace quarry {
+namespace {
+
+Hit HitFromOrigin(const PacketWork& work, uint32_t lane) {
+  Hit hit = work.rays.HitOf(lane);
+  hit.t += work.samples.t_offset[lane];
+  return hit;
+}
+
+}  // namespace
+
 void NearestHits::Shade(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {
-    Hit hit = work.rays.HitOf(i);
-    hit.t += work.samples.t_offset[i];
-    work.film.SetHit(work.samples.pixel[i], hit);
+    work.film.SetHit(s.pixel[i], HitFromOrigin(work, i));
+    if (surfaces_) work.film.SetSurface(s.pixel[i], s.surface[static_cast<int>(i)]);
   });
-  work.samples.Move(lanes, SamplePacket::kShade, SamplePacket::kNext);
+  s.Move(lanes, SamplePacket::kShade, SamplePacket::kNext);
+}
+
+void AllHits::Shade(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
+  ForEachLane(lanes, [&](uint32_t i) {
+    work.film.AddHit(s.pixel[i], HitFromOrigin(work, i));
+    if (surfaces_) work.film.AddSurface(s.surface[static_cast<int>(i)]);
+    work.rays.GoOnAfterHit(i, s.t_end[i]);
+  });
+  s.Move(lanes, SamplePacket::kShade, SamplePacket::kTraverse);
 }
 
 /// The one light ray of a sample has ended.

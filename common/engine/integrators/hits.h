@@ -7,14 +7,31 @@ namespace quarry {
 /// No picture: the nearest hit of each ray.
 class NearestHits final : public Integrator {
  public:
-  Needs needs() const override { return {.surfaces = false, .pixels = false}; }
+  explicit NearestHits(bool surfaces = false) : surfaces_(surfaces) {}
+  Needs needs() const override { return {.surfaces = surfaces_, .attributes = false, .pixels = false}; }
   void Shade(PacketWork& work, uint64_t lanes) const override;
+
+ private:
+  bool surfaces_;
+};
+
+/// No picture: all hits of each ray, in the order of (t, triangle).
+class AllHits final : public Integrator {
+ public:
+  explicit AllHits(bool surfaces = false) : surfaces_(surfaces) {}
+  Needs needs() const override { return {.surfaces = surfaces_, .attributes = false, .pixels = false}; }
+  void Shade(PacketWork& work, uint64_t lanes) const override;
+
+ private:
+  bool surfaces_;
 };
 
 /// No picture: some hit of each ray, if it has one: its `t` and its triangle. Glass counts as opaque.
 class AnyHits final : public LightRays {
  public:
-  Needs needs() const override { return {.surfaces = false, .pixels = false, .any_hit = true}; }
+  Needs needs() const override {
+    return {.surfaces = false, .attributes = false, .pixels = false, .any_hit = true};
+  }
   void Shade(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
   void SendLightRays(PacketWork& work, uint64_t lanes) const override;
 

@@ -17,6 +17,8 @@ class Integrator {
   struct Needs {
     /// Whether surfaces of hits are made; else a hit alone is enough.
     bool surfaces = true;
+    /// Whether surfaces have the normals, uv and colours of their vertices.
+    bool attributes = true;
     /// Whether samples belong to pixels, and have light. Requires: false without surfaces.
     bool pixels = true;
     /// Whether the first ray of a sample may end at any hit.

@@ -14,6 +14,25 @@ void RayList::Open(RayPart part, const SceneMeta& scene) {
   next_ = 0;
 }
 
+TracedRay RayOfQuery(const RayQuery& query, const SceneMeta& scene) {
+  const glm::vec3 &lower = scene.root_lower, &upper = scene.root_upper;
+  const glm::dvec3 direction = glm::normalize(query.direction);
+  const BoxSpan span = SpanInBox(query.origin, direction, lower, upper);
+  TracedRay traced;
+  traced.start = IsWithinReach(query.origin, lower, upper) ? 0 : span.enter;
+  traced.ray.origin = glm::vec3(query.origin + direction * traced.start);
+  traced.ray.direction = glm::vec3(direction);
+  traced.ray.t_max = static_cast<float>(query.end - traced.start);
+  const auto begin = static_cast<float>(query.begin - traced.start);
+  if (begin > 0) {
+    traced.ray.after_t = NextBelow(begin);
+    traced.ray.after_id = kNoTriangle;  // after all hits at that t
+    traced.ray.t = ResumeBefore(traced.ray.after_t);
+  }
+  traced.misses = span.enter > span.exit || !(traced.ray.t_max > 0);
+  return traced;
+}
+
 RaySource::Lanes RayList::Next(uint64_t /*free*/, SamplePacket& s, RayPacket& rays) {
   const uint32_t count = std::min(RayPacket::kRays, part_.count - next_);
   s.BeginPaths();
@@ -22,20 +41,12 @@ RaySource::Lanes RayList::Next(uint64_t /*free*/, SamplePacket& s, RayPacket& ra
   std::fill_n(s.depth_cell, RayPacket::kRays, uint16_t{0});
   Lanes lanes;
   for (uint32_t i = 0; i < count; ++i, ++next_) {
-    const RayQuery& query = (*part_.list)[part_.first + next_];
-    const glm::vec3 &lower = scene_->root_lower, &upper = scene_->root_upper;
-    const PrimaryRay in_box = ClipToBox(query.origin, glm::normalize(query.direction), lower, upper,
-                                        IsWithinReach(query.origin, lower, upper));
-    Ray ray;
-    ray.origin = in_box.origin;
-    ray.direction = in_box.direction;
-    ray.t_max = static_cast<float>(query.end - static_cast<double>(in_box.t_offset));
+    const auto [ray, start, misses] = RayOfQuery((*part_.list)[part_.first + next_], *scene_);
     rays.Set(i, ray);
     s.pixel[i] = static_cast<uint16_t>(next_);
     s.image_pixel[i] = part_.first + next_;
-    s.t_offset[i] = in_box.t_offset;
+    s.t_offset[i] = part_.from_origin ? static_cast<float>(start) : 0;
     s.t_end[i] = ray.t_max;
-    const bool misses = in_box.misses || !(ray.t_max > 0);
     (misses ? lanes.missing_box : lanes.in_box) |= uint64_t{1} << i;
   }
   return lanes;

@@ -14,7 +14,23 @@ namespace quarry {
 struct RayPart {
   std::shared_ptr<const std::vector<RayQuery>> list;
   uint32_t first = 0, count = 0;
+  RayGoal goal = RayGoal::kNearest;
+  bool from_origin = true;    ///< hits' t counts from the queries' origins; else from the traced rays'
+  bool has_surfaces = false;  ///< whether hits have surfaces; of the integrator too
 };
+
+/// A query as kernels trace it.
+struct TracedRay {
+  Ray ray;              ///< of unit direction
+  double start = 0;     ///< distance from the query's origin to the ray's
+  bool misses = false;  ///< the scene's box: there is no hit
+};
+/// The one ray of floats that stands for a query: its hits are the query's. In double, the direction is made
+/// unit, and an origin that is farther than IsWithinReach() is moved along the ray to the scene's box; then
+/// origin and direction are rounded. The ends too are moved, and rounded. A hit at t of the ray lies at start
+/// + t from the query's origin. Requires: CheckRay(). Thread-safe.
+TracedRay RayOfQuery(const RayQuery& query, const SceneMeta& scene);
+
 /// Limit of the rays of a part. A judgement: as many as the points of a tile.
 inline constexpr uint32_t kMostRays = 1024;
 

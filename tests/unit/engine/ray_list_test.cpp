@@ -178,10 +178,11 @@ TEST_CASE("An impossible ray is refused, and a cancelled list is abandoned", "[r
   const Row row;
   const auto renderer = MakeRenderer(*row.scene);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const RayQuery& ray :
-       {RayQuery{{0, 0, 0}, {0, 0, 0}}, RayQuery{{nan, 0, 0}, {0, 0, 1}}, RayQuery{{0, 1e31, 0}, {0, -1, 0}},
-        RayQuery{{0, 0, 0}, {0, nan, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 0},
-        RayQuery{{0, 0, 0}, {0, 0, 1}, nan}, RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}}) {
+  for (const RayQuery& ray : {RayQuery{{0, 0, 0}, {0, 0, 0}}, RayQuery{{nan, 0, 0}, {0, 0, 1}},
+                              RayQuery{{0, 1e31, 0}, {0, -1, 0}}, RayQuery{{0, 0, 0}, {0, nan, 1}},
+                              RayQuery{{0, 0, 0}, {0, 0, 1}, 0}, RayQuery{{0, 0, 0}, {0, 0, 1}, nan},
+                              RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 1, -1},
+                              RayQuery{{0, 0, 0}, {0, 0, 1}, 1, nan}, RayQuery{{0, 0, 0}, {0, 0, 1}, 1, 1}}) {
     const auto hits = renderer->Trace({ray}, RayGoal::kNearest);
     REQUIRE_FALSE(hits.has_value());
     CHECK(hits.error().kind == ErrorKind::kUsage);
@@ -212,6 +213,34 @@ TEST_CASE("Rays of a list pass holes of triangles, up to their ends", "[rays]") 
       const bool some = goal == RayGoal::kAny && t == Approx(3).epsilon(1e-5);  // the floor is a hit too
       if (along[i] > 0) CHECK((some || t == Approx(along[i]).epsilon(1e-5)));
     }
+  }
+}
+
+TEST_CASE("Rays between two limits pass holes, and holes are not counted", "[rays]") {
+  const TemporaryFolder folder;
+  const Scene scene = PlateScene(folder);
+  const auto renderer = MakeRenderer(scene, 64 << 20);
+  constexpr glm::dvec3 kDown{0, 0, -2};
+  constexpr double kEndless = std::numeric_limits<double>::infinity();
+  const std::vector<RayQuery> rays{{{-1.2, 0.3, 3}, kDown},                 // the plate and the floor
+                                   {{-1.2, 0.3, 3}, kDown, kEndless, 2.5},  // begins between both
+                                   {{1.2, 0.3, 3}, kDown, kEndless, 1.5},   // the floor, through a hole
+                                   {{1.2, 0.3, 3}, kDown, kEndless, 2.5},   // behind the hole
+                                   {{1.2, 0.3, 3}, kDown, 2.5, 1.5}};       // the hole alone
+  const std::vector<uint32_t> counts{2, 1, 1, 1, 0};
+  const auto all = renderer->Ask(rays, {.goal = RayGoal::kAll, .from_origin = true}),
+             counted = renderer->Ask(rays, {.goal = RayGoal::kCount});
+  REQUIRE(all.has_value());
+  REQUIRE(counted.has_value());
+  CHECK(all->counts == counts);
+  CHECK(counted->counts == counts);
+  REQUIRE(all->hits.size() == 5);
+  const double along[] = {2, 3, 3, 3, 3};
+  for (size_t i = 0; i < 5; ++i) CHECK(static_cast<double>(all->hits[i].t) == Approx(along[i]).epsilon(1e-5));
+  for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
+    const std::vector<Hit> hits = Trace(*renderer, rays, goal);
+    for (size_t i = 0; i < rays.size(); ++i) CHECK((hits[i].triangle != kNoTriangle) == (counts[i] != 0));
+    for (size_t i = 1; i < 4; ++i) CHECK(static_cast<double>(hits[i].t) == Approx(3).epsilon(1e-5));
   }
 }
 
