@@ -45,6 +45,7 @@ ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<cons
                                            : std::make_shared<const ShownParts>(scene, view.parts.selection)),
       makes_caps(section && section->caps() && shown && !shown->selection().closed.empty()),
       colors_parts(shown && !shown->selection().colors.empty()),
+      has_attributes(integrator->needs().attributes),
       texture_uses(UsesFor(view, *surfaces, *integrator)),
       cone(PixelConeOf(view)),
       top(shown ? shown->top() : scene.top_tree()),

@@ -40,6 +40,7 @@ struct ViewContext {
   const std::shared_ptr<const SectionClip> section;  ///< null: nothing is cut off
   const std::shared_ptr<const ShownParts> shown;     ///< null: all parts as they are
   const bool makes_caps, colors_parts;
+  const bool has_attributes;       ///< whether surfaces have the normals, uv and colours of their vertices
   const TextureUses texture_uses;  ///< of textures that the picture needs; 0: of none
   const PixelCone cone;
   const TopTree top;

@@ -1,6 +1,5 @@
 #include "common/engine/surfaces/find_surfaces.h"
 
-#include "common/engine/integrators/integrator.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/look_up_textures.h"
 #include "common/engine/surfaces/section_clip.h"
@@ -54,14 +53,13 @@ uint64_t FindSurfaces(PacketWork& work, uint64_t lanes) {
   uint64_t waiting = 0, shaded = 0;
   uint32_t voxel = kNoVoxel;  // of the last lane
   bool has_shading = false;
-  const bool attributes = work.view.integrator->needs().attributes;
   HotBlockOfLane hot(work);
   ForEachLane(lanes, [&](uint32_t i) {
     const uint64_t bit = uint64_t{1} << i;
     const ResidentBlock* block = hot(i);
     if (hot.voxel() != voxel) {
       voxel = hot.voxel();
-      has_shading = attributes && work.view.catalog.Has(BlockKey::Shading(voxel));
+      has_shading = work.view.has_attributes && work.view.catalog.Has(BlockKey::Shading(voxel));
     }
     if (!block) {
       waiting |= bit;
