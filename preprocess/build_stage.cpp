@@ -354,13 +354,15 @@ Status BuildStage::SmoothBorders() {
   return borders_->files().FinishWriting();
 }
 
-/// Records the regions whose voxels have all been written, once enough time has passed to be worth a
-/// synchronisation, or `now`; then deletes their files.
+/// Records the regions whose voxels have all been written, once enough time has passed to be worth waiting
+/// for the disk, or `now`; then deletes their files.
 Status BuildStage::SaveBuilt(bool now) {
   if (saved_regions_ == subtrees_.size() || (!now && SecondsSince(saved_at_) < options_.checkpoint_seconds))
     return {};
   if (saved_voxels_ + subtrees_[saved_regions_].voxels > writer_->voxel_count()) return {};
   QUARRY_TRY(writer_->Flush());
+  std::vector<Bytes> checkpoints;
+  const size_t first = saved_regions_;
   while (saved_regions_ < subtrees_.size() &&
          saved_voxels_ + subtrees_[saved_regions_].voxels <= writer_->voxel_count()) {
     const TopSubtree& subtree = subtrees_[saved_regions_];
@@ -380,11 +382,14 @@ Status BuildStage::SaveBuilt(bool now) {
     // Later regions are built again, with their masks and colours.
     checkpoint.Put<uint8_t>(writer_->has_masks());
     checkpoint.Put<uint8_t>(writer_->has_colors());
-    QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoint.Take()));
-    files_->file(saved_regions_).Remove();
-    if (borders_) borders_->files()[saved_regions_].Remove();
+    checkpoints.push_back(checkpoint.Take());
     saved_voxels_ += subtree.voxels;
     ++saved_regions_;
+  }
+  QUARRY_TRY(work_.Add(CheckpointKind::kBuilt, checkpoints));
+  for (size_t region = first; region < saved_regions_; ++region) {
+    files_->file(region).Remove();
+    if (borders_) borders_->files()[region].Remove();
   }
   saved_at_ = Clock::now();
   return {};

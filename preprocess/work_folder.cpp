@@ -35,6 +35,24 @@ Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
   return out.Take();
 }
 
+/// The start of the names of the files that grow before a checkpoint; empty: of all.
+std::string FilesOf(CheckpointKind kind) {
+  switch (kind) {
+    case CheckpointKind::kImported:
+      break;
+    case CheckpointKind::kRegions:
+      return "journal";
+    case CheckpointKind::kRouted:
+      return "region-";
+    case CheckpointKind::kSmoothed:
+      return "border-";
+    case CheckpointKind::kBuilt:
+    case CheckpointKind::kTextures:
+      return "store";
+  }
+  return "";
+}
+
 /// The records of a journal up to the first torn record; `whole`: bytes up to there.
 std::vector<SavedCheckpoint> ReadJournal(std::span<const std::byte> journal, size_t& whole) {
   std::vector<SavedCheckpoint> notes;
@@ -126,6 +144,9 @@ WorkFolder::~WorkFolder() {
 }
 
 Status WorkFolder::Begin(const std::string& command) {
+  std::error_code none;
+  // Its removal is durable before the files that it names go.
+  if (fs::remove(path_ + "/journal", none)) SyncFolderOf(path_ + "/");
   RemoveFiles(path_);
   RemoveFiles(spill_);
   const std::string name = path_ + "/journal";
@@ -179,6 +200,7 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   durable_ = std::erase_if(checkpoints_, [](const SavedCheckpoint& checkpoint) {
                return checkpoint.kind == CheckpointKind{kDurable};
              }) > 0;
+  if (checkpoints_.empty()) return false;
   journal_ = ::open(name.c_str(), O_RDWR | O_APPEND | O_CLOEXEC);
   if (journal_ < 0 || ::ftruncate(journal_, static_cast<off_t>(whole)) != 0)
     return Fail(fmt::format("{}: cannot write: {}", name, ErrnoText(errno)));
@@ -186,20 +208,23 @@ Result<bool> WorkFolder::GoOn(const std::string& command) {
   return true;
 }
 
-Status WorkFolder::Add(CheckpointKind kind, const Bytes& bytes) {
+Status WorkFolder::Add(CheckpointKind kind, std::span<const Bytes> checkpoints) {
   const bool durable = durable_ || durability_.boot.empty() || SecondsSince(opened_) >= durability_.after_s;
-  if (durable) QUARRY_TRY(MakeDurable());
-  QUARRY_TRY(Append(Framed(static_cast<uint32_t>(kind), bytes)));
+  if (durable) QUARRY_TRY(MakeDurable(kind));
+  for (const Bytes& checkpoint : checkpoints)
+    QUARRY_TRY(Append(Framed(static_cast<uint32_t>(kind), checkpoint)));
   if (durable && ::fsync(journal_) != 0 && errno != EINVAL && errno != EROFS)
     return Fail(fmt::format("{}/journal: cannot write: {}", path_, ErrnoText(errno)));
   KeepOnSignal();
   return {};
 }
 
-/// Makes all files in the folders durable, and says so in the journal.
-Status WorkFolder::MakeDurable() {
-  QUARRY_TRY(SyncFilesIn(path_));
-  if (spill_ != path_) QUARRY_TRY(SyncFilesIn(spill_));
+/// Makes the files durable that a checkpoint names: the first time those of all earlier checkpoints too, and
+/// says so in the journal.
+Status WorkFolder::MakeDurable(CheckpointKind kind) {
+  const std::string start = durable_ ? FilesOf(kind) : "";
+  QUARRY_TRY(SyncFilesIn(path_, start));
+  if (spill_ != path_) QUARRY_TRY(SyncFilesIn(spill_, start));
   if (std::exchange(durable_, true)) return {};
   for (const std::string& made : {path_, spill_}) SyncFolderOf(made);
   return Append(Framed(kDurable, {}));

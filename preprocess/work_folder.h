@@ -60,8 +60,9 @@ class WorkFolder {
   const std::string& spill_folder() const { return spill_; }
   std::string store() const { return path_ + "/store"; }
   const std::vector<SavedCheckpoint>& checkpoints() const { return checkpoints_; }
-  /// Appends a checkpoint. Errors: disk full.
-  Status Add(CheckpointKind kind, const Bytes& bytes);
+  /// Appends checkpoints, each with its bytes. Errors: disk full.
+  Status Add(CheckpointKind kind, std::span<const Bytes> checkpoints);
+  Status Add(CheckpointKind kind, const Bytes& checkpoint) { return Add(kind, std::span(&checkpoint, 1)); }
   /// Whether a later run can continue from here.
   bool kept() const { return kept_; }
   /// Ends the run: removes everything.
@@ -72,7 +73,7 @@ class WorkFolder {
   Status Begin(const std::string& command);
   bool WasLost(std::span<const SavedCheckpoint> journal) const;
   Status Append(std::span<const std::byte> record);
-  Status MakeDurable();
+  Status MakeDurable(CheckpointKind kind);
   Result<bool> GoOn(const std::string& command);
   void HoldOnSignal();
   void KeepOnSignal();

@@ -45,22 +45,27 @@ Status SyncFile(int fd, const std::string& path) {
 
 }  // namespace
 
-Status SyncFilesIn(const std::string& path) {
-  std::error_code none;
+Status SyncFilesIn(const std::string& path, const std::string& start) {
+  std::error_code error;
   // All files are begun before any is waited for: with thousands, each would wait alone for an idle disk.
-  for (const bool waits : {false, true})
-    for (const auto& entry : std::filesystem::directory_iterator(path, none)) {
-      if (!entry.is_regular_file(none)) continue;
-      const int fd = ::open(entry.path().c_str(), O_WRONLY | O_CLOEXEC);
-      if (fd < 0) continue;  // it is gone again
+  for (const bool waits : {false, true}) {
+    std::filesystem::directory_iterator entry(path, error);
+    for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+      if (!entry->path().filename().string().starts_with(start) || !entry->is_regular_file(error)) continue;
+      const int fd = ::open(entry->path().c_str(), O_RDONLY | O_CLOEXEC);
+      if (fd < 0 && errno == ENOENT) continue;  // it is gone again
+      if (fd < 0)
+        return Fail(fmt::format("{}: cannot be opened: {}", entry->path().string(), ErrnoText(errno)));
       Status synced;
       if (waits)
-        synced = SyncFile(fd, entry.path());
+        synced = SyncFile(fd, entry->path());
       else
         (void)!::sync_file_range(fd, 0, 0, SYNC_FILE_RANGE_WRITE);
       ::close(fd);
       QUARRY_TRY(synced);
     }
+    if (error) return Fail(fmt::format("{}: cannot be read: {}", path, error.message()));
+  }
   SyncFolderOf(path + "/");
   return {};
 }

@@ -95,9 +95,9 @@ class OutputFile {
   std::string buffer_;
 };
 
-/// Makes the files in the folder `path` and their names survive a loss of power. Files below its folders are
-/// left. Errors: write errors.
-Status SyncFilesIn(const std::string& path);
+/// Makes the files in the folder `path` whose names begin with `start`, and all names in it, survive a loss
+/// of power. Files below its folders are left. Errors: read and write errors.
+Status SyncFilesIn(const std::string& path, const std::string& start = {});
 
 /// Makes new names in the folder of `path` survive a loss of power. Does nothing on file systems that cannot.
 void SyncFolderOf(const std::string& path);

@@ -102,17 +102,17 @@ void Renderer::ScheduleLoader() {
 
 namespace {
 
-std::shared_ptr<const Integrator> IntegratorOf(RayGoal goal, bool surfaces) {
+std::shared_ptr<const Integrator> IntegratorOf(RayGoal goal, bool surfaces, const HitRule& rule) {
   switch (goal) {
     case RayGoal::kAny:
-      return std::make_shared<const AnyHits>();
+      return std::make_shared<const AnyHits>(rule);
     case RayGoal::kNearest:
-      return std::make_shared<const NearestHits>(surfaces);
+      return std::make_shared<const NearestHits>(surfaces, rule);
     case RayGoal::kCount:
     case RayGoal::kAll:
       break;
   }
-  return std::make_shared<const AllHits>(surfaces);
+  return std::make_shared<const AllHits>(surfaces, rule);
 }
 
 }  // namespace
@@ -165,7 +165,11 @@ Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const Ray
       std::ranges::copy(result.surfaces, answers.surfaces.begin() + (surfaces ? first : 0));
     }
   };
-  QUARRY_TRY(Run(view, IntegratorOf(ask.goal, surfaces), parts, queue, keep, std::move(stop)));
+  QUARRY_TRY(Run(view, IntegratorOf(ask.goal, surfaces, ask.rule), parts, queue, keep, std::move(stop)));
+  size_t hits = 0;
+  for (const RenderedTile& of_part : of_parts) hits += of_part.hits.size();
+  if (all) answers.hits.reserve(hits);
+  if (all && surfaces) answers.surfaces.reserve(hits);
   for (RenderedTile& of_part : of_parts) {
     answers.hits.insert(answers.hits.end(), of_part.hits.begin(), of_part.hits.end());
     answers.surfaces.insert(answers.surfaces.end(), of_part.surfaces.begin(), of_part.surfaces.end());

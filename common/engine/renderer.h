@@ -82,7 +82,7 @@ class Renderer {
   /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
   /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled); a tile
   /// that cannot be (CheckTile()).
-  /// `integrator`: one that needs surfaces, or null for the one of the view's mode.
+  /// `integrator`: one that needs pixels, or null for the one of the view's mode.
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
   /// Traces rays. Returns one hit for each, in their order: the nearest by (t, triangle), or with kAny some
@@ -96,6 +96,7 @@ class Renderer {
   struct RayAsk {
     RayGoal goal = RayGoal::kNearest;
     bool surfaces = false;  ///< also part, material and normal of each hit; not with kAny and kCount
+    HitRule rule = {};
     bool from_origin =
         false;  ///< hits' t counts from the queries' origins, rounded to float; else see TracedRay
   };
@@ -104,8 +105,8 @@ class Renderer {
     std::vector<uint32_t> counts;      ///< kCount and kAll: hits of each ray
     std::vector<HitSurface> surfaces;  ///< of the hits, if asked for
   };
-  /// Traces rays as `ask` says. Memory: the answers, and with kAll those of the parts under way. Else as
-  /// Trace().
+  /// Traces rays as `ask` says. Of `view` the parts and the section count, but no caps are made. Memory: the
+  /// answers, with kAll twice. Else as Trace().
   Result<RayAnswers> Ask(std::vector<RayQuery> rays, const RayAsk& ask, std::stop_token stop = {},
                          const View& view = {});
   static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call

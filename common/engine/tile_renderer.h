@@ -25,7 +25,7 @@ namespace quarry {
 /// Source: Purcell et al. 2002, section 3: generate, traverse, shade, then new rays.
 class TileRenderer {
  public:
-  /// Begins a tile and reuses the memory of the last. Requires: done(); the view's integrator needs surfaces.
+  /// Begins a tile and reuses the memory of the last. Requires: done(); the view's integrator needs pixels.
   void Open(std::shared_ptr<const ViewContext> view, const Tile& tile);
   /// Begins a part of a list. Requires: done(); the view's integrator needs no pixels.
   void Open(std::shared_ptr<const ViewContext> view, RayPart part);

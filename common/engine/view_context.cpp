@@ -1,5 +1,6 @@
 #include "common/engine/view_context.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <utility>
@@ -24,6 +25,11 @@ TextureUses UsesFor(const View& view, const SceneSurfaces& surfaces, const Integ
   return integrator.needs().uses | (view.has(Aov::kAlbedo) ? UseBit(TextureUse::kDiffuse) : 0);
 }
 
+std::shared_ptr<const HitFilter> FilterFor(const Catalog& scene, const HitRule& rule) {
+  const bool has_glass = rule.passes_glass && std::ranges::any_of(scene.materials, LetsLightThrough);
+  return scene.meta.masks || has_glass ? std::make_shared<const CutOuts>(rule) : nullptr;
+}
+
 std::shared_ptr<const SectionClip> ClipOf(const SectionCut& section, const SceneMeta& scene) {
   if (section.empty()) return nullptr;
   auto clip = std::make_shared<const SectionClip>(section, scene);
@@ -39,11 +45,12 @@ ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<cons
       catalog(scene),
       surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
       integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene)),
-      filter(scene.meta.masks ? std::make_shared<const CutOuts>() : nullptr),
+      filter(FilterFor(scene, integrator->needs().hits)),
       section(ClipOf(view.section, scene.meta)),
       shown(parts || !view.parts.selection ? std::move(parts)
                                            : std::make_shared<const ShownParts>(scene, view.parts.selection)),
-      makes_caps(section && section->caps() && shown && !shown->selection().closed.empty()),
+      makes_caps(integrator->needs().pixels && section && section->caps() && shown &&
+                 !shown->selection().closed.empty()),
       colors_parts(shown && !shown->selection().colors.empty()),
       has_attributes(integrator->needs().attributes),
       texture_uses(UsesFor(view, *surfaces, *integrator)),

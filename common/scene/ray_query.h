@@ -20,6 +20,13 @@ struct RayQuery {
 /// triangle).
 enum class RayGoal { kNearest, kAny, kCount, kAll };
 
+/// Which triangles that a ray meets are hits.
+struct HitRule {
+  bool passes_glass = false;  ///< none whose material lets light through
+  /// A surface whose texture has no cut-off is there from this opacity on; 0: by chance, as in pictures.
+  float least_opacity = 0;
+};
+
 /// Limit of a ray origin's coordinates: beyond it the distance to the scene is no float. Units: scene units.
 inline constexpr double kFarthestOrigin = 1e30;
 

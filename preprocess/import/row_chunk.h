@@ -21,7 +21,9 @@ class RowChunk {
       : bytes_(bytes), row_bytes_(row_bytes), team_(team) {
     // Filling moves what is left, so that waits until little is.
     constexpr size_t kLittle = 64 << 10;
-    if (bytes.available() < std::max(kLittle, row_bytes)) bytes.Ensure(ModelReader::kBufferBytes);
+    if (bytes.available() < std::max(kLittle, row_bytes))
+      bytes.Ensure(std::min<uint64_t>(ModelReader::kBufferBytes,
+                                      std::min<uint64_t>(most, ModelReader::kBufferBytes) * row_bytes));
     rows_ =
         std::min<uint64_t>({bytes.available() / row_bytes, most, kRowsOfPart * (team ? team->threads() : 1)});
   }

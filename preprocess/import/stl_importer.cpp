@@ -121,6 +121,9 @@ class FacetColors {
   Rgba8 of_all_;
 };
 
+/// Facets that the sink gets at once. A fixed number: the store must not depend on how many are read at once.
+constexpr size_t kFacetsOfGroup = 8192;
+
 struct FacetOfFile {
   glm::dvec3 corners[3];
   Rgba8 color;
@@ -138,6 +141,7 @@ class BinaryStl {
   Status Header();
   Result<bool> HasPayloads() const;
   Status Facets(const FacetColors& colors);
+  Status GiveFacets(size_t count);
   Status FacetWithPayload();
 
   ModelReader& bytes_;
@@ -147,7 +151,8 @@ class BinaryStl {
   bool payloads_ = false;          ///< attributes are lengths of extra bytes after the facet
   bool has_others_ = false;        ///< attributes that are no colours
   Rgba8 color_;
-  std::vector<FacetOfFile> facets_;
+  std::vector<FacetOfFile> facets_;  ///< read, and not given to the sink
+  uint64_t given_ = 0;               ///< facets
 };
 
 Status BinaryStl::Header() {
@@ -202,6 +207,7 @@ Result<uint64_t> BinaryStl::Import() {
           bytes_.path(), kMostFacets));
     QUARRY_TRY(payloads_ ? FacetWithPayload() : Facets(colors));
   }
+  QUARRY_TRY(GiveFacets(facets_.size()));
   if (counted_ && !bytes_.has_size() && bytes_.Ensure(1))
     sink_.Warn(fmt::format("{}: bytes behind the last facet left out", bytes_.path()));
   if (has_others_)
@@ -218,26 +224,36 @@ Corner FacetCorner(uint64_t facet, uint32_t corner) {
 Status BinaryStl::Facets(const FacetColors& colors) {
   RowChunk chunk(bytes_, kFacetBytes, (counted_ ? std::min(count_, kMostFacets) : kMostFacets) - read_,
                  sink_.team());
-  facets_.resize(chunk.rows());
+  const size_t before = facets_.size();
+  facets_.resize(before + chunk.rows());
   chunk.Decode([&](const char* row, size_t i) {
-    FacetOfFile& facet = facets_[i];
+    FacetOfFile& facet = facets_[before + i];
     for (uint32_t k = 0; k < 3; ++k) facet.corners[k] = LoadPoint(row + 12 * (k + 1));
     const uint16_t attributes = AttributesOf(row);
     facet.color = colors.ColorOf(attributes);
     facet.has_other = colors.IsOther(attributes);
     return true;
   });
-  for (const FacetOfFile& facet : facets_)
+  chunk.Consume(chunk.rows());
+  read_ += chunk.rows();
+  while (facets_.size() >= kFacetsOfGroup) QUARRY_TRY(GiveFacets(kFacetsOfGroup));
+  return {};
+}
+
+/// Gives the sink the first `count` facets that are waiting: their corners, then the triangles.
+Status BinaryStl::GiveFacets(size_t count) {
+  const std::span<const FacetOfFile> group = std::span(facets_).first(count);
+  for (const FacetOfFile& facet : group)
     for (const glm::dvec3& corner : facet.corners) QUARRY_TRY(sink_.AddPosition(corner, Rgba8{}));
-  for (const FacetOfFile& facet : facets_) {
-    const Corner corners[] = {FacetCorner(read_, 0), FacetCorner(read_, 1), FacetCorner(read_, 2)};
+  for (const FacetOfFile& facet : group) {
+    const Corner corners[] = {FacetCorner(given_, 0), FacetCorner(given_, 1), FacetCorner(given_, 2)};
     if (Packed(facet.color) != Packed(color_)) QUARRY_TRY(sink_.SetFaceColor(facet.color));
     color_ = facet.color;
     has_others_ |= facet.has_other;
     QUARRY_TRY(sink_.AddPolygon(corners, kNoIndex, kNoIndex));
-    ++read_;
+    ++given_;
   }
-  chunk.Consume(chunk.rows());
+  facets_.erase(facets_.begin(), facets_.begin() + static_cast<std::ptrdiff_t>(count));
   return {};
 }
 

@@ -80,6 +80,10 @@ void FaceResolver::ResolveSlice(Slice& slice) {
   for (std::span<const Face> left = slice.faces; !left.empty();) {
     const std::span<const Face> polygon = left.first(left.front().following + 1);
     left = left.subspan(polygon.size());
+    if (polygon.size() > kSliceFaces) {  // all slices share the memory for these
+      slice.missed.push_back(polygon);
+      continue;
+    }
     if (slice.fan.size() < polygon.size()) slice.fan.resize(polygon.size());
     const std::span<TriangleRecord> fan = std::span(slice.fan).first(polygon.size());
     if (!bare) std::ranges::fill(fan, TriangleRecord{});

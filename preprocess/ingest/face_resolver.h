@@ -18,7 +18,8 @@ namespace quarry {
 /// Turns the polygons of one model file into triangles with their vertices filled in. Faces are resolved in
 /// batches beside the importer: slices of a batch by the threads of the team, from pages in memory; then, in
 /// order, the faces that need a page which is worth loading. The others wait for the file's end.
-/// Whether a face waits depends on the file alone, so the order of triangles does too.
+/// Whether a face waits depends on the file and the calls of Settle() alone, so the order of triangles does
+/// too.
 /// While a batch runs, it alone touches the vertices, the waiting faces and the triangles: Settle() comes
 /// before any other use of them. Thread safety: none otherwise.
 class FaceResolver {
@@ -37,6 +38,9 @@ class FaceResolver {
       return {};
     return SettleNow();
   }
+  /// Waits for the batch that runs, and leaves the faces that have not begun: where batches end decides which
+  /// faces wait. The triangles may be looked at afterwards. Errors: disk full.
+  Status Pause() { return running_.valid() ? running_.get() : Status{}; }
   /// Requires: Settle().
   VertexStreams& vertices() { return vertices_; }
   WaitingFaces& waiting() { return waiting_; }
@@ -55,7 +59,7 @@ class FaceResolver {
     std::span<const Face> faces;
     TriangleBatch resolved;
     std::vector<TriangleRecord> fan;            ///< of the polygon that is being resolved
-    std::vector<std::span<const Face>> missed;  ///< polygons that need a page
+    std::vector<std::span<const Face>> missed;  ///< polygons that need a page, or much memory
   };
 
   FaceResolver(VertexStreams vertices, WaitingFaces waiting, TriangleSpill& triangles, WorkTeam& team)

@@ -114,7 +114,7 @@ Status SpillSink::AddPolygon(std::span<const Corner> corners, uint32_t material,
   if (corners.size() < 3) return {};
   if (!shining_.empty()) QUARRY_TRY(NoteShining());
   if (preview_ && ++unshown_ % kFacesPerLook == 0 && preview_->due()) {
-    QUARRY_TRY(faces_->Settle());  // the sample belongs to the thread that resolves
+    QUARRY_TRY(faces_->Pause());  // the sample belongs to the thread that resolves
     preview_->Write(triangles_.result(), tables_.materials(), read_part_, coordinates_.offset());
   }
   Face face;

@@ -11,7 +11,8 @@
 namespace quarry {
 
 /// Triangles that follow each other in a file, checked and summed up: what can be done before TriangleSpill
-/// takes them in order. Memory: 124 bytes a triangle, kept for the next ones.
+/// takes them in order. Memory: 128 bytes a triangle and 112 a run of a part, kept for the next ones, and
+/// PolygonFan's.
 struct TriangleBatch {
   std::vector<TriangleRecord> kept;  ///< in the order of the file
   std::vector<uint32_t> sampled;     ///< indices in `kept` that the sample may take

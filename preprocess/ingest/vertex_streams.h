@@ -27,8 +27,8 @@ struct Face {
 };
 
 /// The positions (with colours), normals and texture coordinates of one model file: all on disk, the pages
-/// used last in memory. Memory: three times PagedFile's. Thread safety: Find() beside
-/// Find().
+/// used last in memory. Memory: three times PagedFile's. Thread safety: several
+/// threads may call Find() at once; nothing else.
 class VertexStreams {
  public:
   /// Creates or empties the files "FOLDER/import-STREAM". Errors: as PagedFile's.

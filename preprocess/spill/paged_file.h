@@ -12,7 +12,7 @@ namespace quarry {
 /// An array on disk, appended to in order and read by index; the pages used last are in memory. Models name
 /// vertices near the last ones, so nearly every lookup is met from memory. A miss returns null: the caller
 /// decides whether a read is worth it. Memory: kSlots pages, whatever --memory is, so that the result does
-/// not depend on it. Thread safety: Find() beside Find().
+/// not depend on it. Thread safety: several threads may call Find() at once.
 class PagedFile {
  public:
   static constexpr uint32_t kPageElements = 4096;
@@ -23,8 +23,8 @@ class PagedFile {
   uint64_t count() const { return count_; }
   /// Appends element_bytes bytes. Errors: disk full.
   Status Append(const void* element);
-  /// The element, valid until the next Append() or Load(); null: its page is not in memory. By several
-  /// threads. Requires: index < count().
+  /// The element, valid until the next Append() or Load(); null: its page is not in memory. Requires: index
+  /// < count().
   const std::byte* Find(uint32_t index) {
     const uint32_t slot = slot_of_page_[index / kPageElements];
     if (slot == kNone) return nullptr;

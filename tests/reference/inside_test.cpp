@@ -60,7 +60,8 @@ Hit ExpectedHit(const LoadedScene& scene, const RayPacket& packet, uint32_t i, c
   if (!(kept.begin[i] < kept.end[i])) return {};
   Ray ray = packet.RayOf(i);
   ray.t_max = NextAbove(std::min(kept.end[i], packet.hit_t[i]));
-  ray.after_t = kept.begin[i];
+  const bool begins = (packet.bounded >> i & 1) != 0 && packet.after_t[i] > kept.begin[i];
+  ray.after_t = begins ? packet.after_t[i] : kept.begin[i];
   ray.after_id = kNoTriangle;
   return BruteForce(scene, ray);
 }
@@ -111,6 +112,7 @@ TEST_CASE("Hits of views with hidden parts and a section are those of brute forc
   for (int i = 0; i < 1024; ++i) {
     const Ray ray = MakeRay(all, random);
     rays.push_back({glm::dvec3(ray.origin), glm::dvec3(ray.direction)});
+    if (i % 3 == 0) rays.back().begin = 0.1 * (i % 50);  // before the cut, or behind it
   }
   for (const bool hides : {false, true})
     for (const bool cuts : {false, true}) {
@@ -124,6 +126,9 @@ TEST_CASE("Hits of views with hidden parts and a section are those of brute forc
         REQUIRE(renderer.has_value());
         const auto hits = (*renderer)->Trace(rays, RayGoal::kNearest, {}, view);
         const auto any = (*renderer)->Trace(rays, RayGoal::kAny, {}, view);
+        // All hits of a view that makes caps come to an end.
+        const auto every = (*renderer)->Ask(rays, {.goal = RayGoal::kAll, .surfaces = true}, {}, view);
+        REQUIRE(every.has_value());
         REQUIRE(hits.has_value());
         REQUIRE(any.has_value());
         int wrong = 0, found = 0;

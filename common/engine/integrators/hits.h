@@ -7,30 +7,37 @@ namespace quarry {
 /// No picture: the nearest hit of each ray.
 class NearestHits final : public Integrator {
  public:
-  explicit NearestHits(bool surfaces = false) : surfaces_(surfaces) {}
-  Needs needs() const override { return {.surfaces = surfaces_, .attributes = false, .pixels = false}; }
+  explicit NearestHits(bool surfaces = false, HitRule rule = {}) : surfaces_(surfaces), rule_(rule) {}
+  Needs needs() const override {
+    return {.surfaces = surfaces_, .attributes = false, .pixels = false, .hits = rule_};
+  }
   void Shade(PacketWork& work, uint64_t lanes) const override;
 
  private:
   bool surfaces_;
+  HitRule rule_;
 };
 
 /// No picture: all hits of each ray, in the order of (t, triangle).
 class AllHits final : public Integrator {
  public:
-  explicit AllHits(bool surfaces = false) : surfaces_(surfaces) {}
-  Needs needs() const override { return {.surfaces = surfaces_, .attributes = false, .pixels = false}; }
+  explicit AllHits(bool surfaces = false, HitRule rule = {}) : surfaces_(surfaces), rule_(rule) {}
+  Needs needs() const override {
+    return {.surfaces = surfaces_, .attributes = false, .pixels = false, .hits = rule_};
+  }
   void Shade(PacketWork& work, uint64_t lanes) const override;
 
  private:
   bool surfaces_;
+  HitRule rule_;
 };
 
-/// No picture: some hit of each ray, if it has one: its `t` and its triangle. Glass counts as opaque.
+/// No picture: some hit of each ray, if it has one: its `t` and its triangle.
 class AnyHits final : public LightRays {
  public:
+  explicit AnyHits(HitRule rule = {}) : rule_(rule) {}
   Needs needs() const override {
-    return {.surfaces = false, .attributes = false, .pixels = false, .any_hit = true};
+    return {.surfaces = false, .attributes = false, .pixels = false, .any_hit = true, .hits = rule_};
   }
   void Shade(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
   void SendLightRays(PacketWork& work, uint64_t lanes) const override;
@@ -40,6 +47,9 @@ class AnyHits final : public LightRays {
   float End(const PacketWork& work, uint32_t lane) const override;
   void Arrived(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
   void Stopped(PacketWork& work, uint64_t lanes) const override;
+
+ private:
+  HitRule rule_;
 };
 
 }  // namespace quarry

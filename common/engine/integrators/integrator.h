@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "common/engine/packet_work.h"
+#include "common/scene/ray_query.h"
 
 namespace quarry {
 
@@ -23,6 +24,7 @@ class Integrator {
     bool pixels = true;
     /// Whether the first ray of a sample may end at any hit.
     bool any_hit = false;
+    HitRule hits;               ///< of all its rays
     TextureUses uses = 0;       ///< uses of textures that its shading needs
     uint32_t pending_rays = 0;  ///< limit of rays that a sample has waiting in PendingRays
     bool paths = false;         ///< whether samples have a PathPacket

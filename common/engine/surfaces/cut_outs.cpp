@@ -33,7 +33,10 @@ HitFilter::Verdict CutOuts::Test(PacketWork& work, uint64_t lanes) const {
   Verdict verdict;
   HotBlockOfLane hot(work);
   ForEachLane(lanes, [&](uint32_t i) {
-    const Cut cut = TestHit(work, i, hot);
+    Cut cut = TestHit(work, i, hot);
+    if (cut == Cut::kThere && rule_.passes_glass &&
+        LetsLightThrough(work.view.catalog.materials[work.cut->material[i]]))
+      cut = Cut::kInHole;
     (cut == Cut::kThere    ? verdict.there
      : cut == Cut::kInHole ? verdict.rejected
                            : verdict.waiting) |= uint64_t{1} << i;
@@ -41,7 +44,7 @@ HitFilter::Verdict CutOuts::Test(PacketWork& work, uint64_t lanes) const {
   return verdict;
 }
 
-CutOuts::Cut CutOuts::TestHit(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot) {
+CutOuts::Cut CutOuts::TestHit(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot) const {
   const CutPacket& cut = *work.cut;
   if (cut.texels[lane] == CutPacket::kThere) return Cut::kThere;
   if (cut.texels[lane] == CutPacket::kUnseen) {
@@ -91,9 +94,9 @@ CutOuts::Cut CutOuts::PlaceUv(const PacketWork& work, uint32_t lane) {
   return Cut::kOpen;
 }
 
-/// Looks the opacity up. Without a cut-off a share of the paths that is the opacity finds the surface: by a
-/// random number of path and triangle, so that all tiles and workers agree.
-CutOuts::Cut CutOuts::TestOpacity(const PacketWork& work, uint32_t lane) {
+/// Looks the opacity up. Without a cut-off, of the texture or the rule, a share of the paths that is the
+/// opacity finds the surface: by a random number of path and triangle, so that all tiles and workers agree.
+CutOuts::Cut CutOuts::TestOpacity(const PacketWork& work, uint32_t lane) const {
   CutPacket& cut = *work.cut;
   const SurfaceTexture& texture = *work.view.surfaces->OpacityOf(cut.material[lane]);
   const TextureBinding& binding = texture.binding;
@@ -114,8 +117,9 @@ CutOuts::Cut CutOuts::TestOpacity(const PacketWork& work, uint32_t lane) {
   // The weights' sum may fall short of 1, so that an opaque texel would seem a little less.
   constexpr float kRounding = 1e-6f;
   const float opacity = cut.opacity[lane] * binding.factor.w;
-  const bool there = binding.cutoff > 0 ? opacity + kRounding >= binding.cutoff
-                                        : opacity > 0 && opacity + kRounding > ShareOf(work, lane);
+  const float cutoff = binding.cutoff > 0 ? binding.cutoff : rule_.least_opacity;
+  const bool there =
+      cutoff > 0 ? opacity + kRounding >= cutoff : opacity > 0 && opacity + kRounding > ShareOf(work, lane);
   if (!there) return Cut::kInHole;
   cut.texels[lane] = CutPacket::kThere;
   return Cut::kThere;

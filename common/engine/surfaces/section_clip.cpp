@@ -76,8 +76,8 @@ void SectionClip::Cut(RayPacket& rays, uint64_t lanes) const {
       return;
     }
     rays.hit_t[i] = std::min(rays.hit_t[i], kept.end[i]);
-    const bool is_new = rays.t[i] == 0 && (rays.bounded >> i & 1) == 0;
-    if (!is_new || !(kept.begin[i] > 0)) return;
+    const float bound = (rays.bounded >> i & 1) != 0 ? rays.after_t[i] : 0;
+    if (!(kept.begin[i] > bound)) return;
     rays.after_t[i] = kept.begin[i];
     rays.after_id[i] = kNoTriangle;
     rays.bounded |= uint64_t{1} << i;

@@ -166,7 +166,7 @@ class PlyBody {
       normals.resize(has_normals_ ? chunk.rows() : 0);
       uvs.resize(has_uvs_ ? chunk.rows() : 0);
       chunk.Decode([&](const char* row, size_t i) {
-        double value[PlyRow::kMaxValues];
+        double value[PlyRow::kMaxValues] = {};
         values.Load(row, value);
         vertices[i].position = {value[kX], value[kY], value[kZ]};
         vertices[i].color = has_colors ? ColorOf(plan, value, false) : Rgba8{};
@@ -218,7 +218,7 @@ class PlyBody {
   /// False: the row has a fault.
   bool PlainTriangle(const PlyPlan& plan, const PlyValues<Source>& values, const char* row,
                      Triangle& triangle) const {
-    double value[PlyRow::kMaxValues];
+    double value[PlyRow::kMaxValues] = {};
     values.Load(row, value);
     const bool is_signed = plan.steps[0].type == PlyType::kInt32;
     for (int k = 0; k < 3; ++k) {

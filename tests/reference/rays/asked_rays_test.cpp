@@ -10,8 +10,9 @@ namespace {
 constexpr int kParts = 7;
 
 /// Triangles about a box, each twice, so that hits at the same t have an order; parts and materials by turns.
+/// One material of three is glass.
 void WriteModel(const TemporaryFolder& folder, std::mt19937& random) {
-  std::ofstream(folder.file("m.mtl")) << "newmtl a\nnewmtl b\nnewmtl c\n";
+  std::ofstream(folder.file("m.mtl")) << "newmtl a\nnewmtl b\nnewmtl c\nTf 0.5 0.6 0.7\nNi 1.5\nillum 6\n";
   std::ofstream out(folder.file("m.obj"));
   out << "mtllib m.mtl\n";
   for (int i = 0; i < 900; ++i) {
@@ -43,6 +44,16 @@ struct Asked {
   std::vector<RayQuery> queries;
   std::vector<std::vector<Hit>> expected;
   size_t hits = 0;
+
+  /// The same queries, with rays that pass glass.
+  Asked PassingGlass(const LoadedScene& scene) const {
+    Asked passing{queries, expected, 0};
+    for (std::vector<Hit>& of_ray : passing.expected) {
+      std::erase_if(of_ray, [&](const Hit& hit) { return scene.triangles()[hit.triangle].glass; });
+      passing.hits += of_ray.size();
+    }
+    return passing;
+  }
 };
 
 /// Queries of all kinds of MakeRay(), from outside too, of which some begin at a hit, behind one, or end at
@@ -80,9 +91,10 @@ bool IsOf(const LoadedScene& scene, const Hit& hit, const HitSurface& surface) {
 }
 
 /// Rays whose answers are not those of brute force, in all asks.
-size_t Differences(Renderer& renderer, const LoadedScene& scene, const Asked& asked) {
+size_t Differences(Renderer& renderer, const LoadedScene& scene, const Asked& asked, bool passes_glass) {
   const auto ask = [&](RayGoal goal, bool surfaces) {
-    auto answers = renderer.Ask(asked.queries, {.goal = goal, .surfaces = surfaces});
+    auto answers = renderer.Ask(asked.queries,
+                                {.goal = goal, .surfaces = surfaces, .rule = {.passes_glass = passes_glass}});
     REQUIRE(answers.has_value());
     return std::move(*answers);
   };
@@ -121,13 +133,16 @@ TEST_CASE("Asked rays have the hits of brute force, in every ask", "[reference][
   REQUIRE(opened.has_value());
   const LoadedScene scene(folder.file("m.obj"), 4096);
   const Asked asked = MakeQueries(scene, random, 3000);
+  const Asked passing = asked.PassingGlass(scene);
   CHECK(asked.hits > 6000);
+  CHECK(passing.hits < asked.hits * 3 / 4);
   for (const uint64_t cache : {uint64_t{opened->catalog().meta.largest_decoded}, uint64_t{64} << 20})
     for (const unsigned threads : {1u, 4u}) {
       const auto renderer = Renderer::Create(*opened, {cache, threads});
       REQUIRE(renderer.has_value());
       INFO(cache << " bytes, " << threads << " threads");
-      CHECK(Differences(**renderer, scene, asked) == 0);
+      CHECK(Differences(**renderer, scene, asked, false) == 0);
+      CHECK(Differences(**renderer, scene, passing, true) == 0);
     }
 }
 

@@ -51,9 +51,9 @@ double WallAlong(const RayQuery& ray) {
   return (kWallY - ray.origin.y) / ray.direction.y * length;
 }
 
-/// A plate with holes above a floor: the plate's texture is opaque on its left half.
-Scene PlateScene(const TemporaryFolder& folder) {
-  std::ofstream(folder.file("half.pgm")) << "P2 4 1 255 255 255 0 0\n";
+/// A plate above a floor: its texture is opaque on its left half, and has `right` of 255 on its right half.
+Scene PlateScene(const TemporaryFolder& folder, int right = 0) {
+  std::ofstream(folder.file("half.pgm")) << "P2 4 1 255 255 255 " << right << ' ' << right << '\n';
   std::ofstream(folder.file("plate.mtl")) << "newmtl floor\nnewmtl plate\nmap_d half.pgm\n";
   std::ofstream(folder.file("plate.obj"))
       << "mtllib plate.mtl\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -213,6 +213,28 @@ TEST_CASE("Rays of a list pass holes of triangles, up to their ends", "[rays]") 
       const bool some = goal == RayGoal::kAny && t == Approx(3).epsilon(1e-5);  // the floor is a hit too
       if (along[i] > 0) CHECK((some || t == Approx(along[i]).epsilon(1e-5)));
     }
+  }
+}
+
+TEST_CASE("Asked rays find surfaces of half an opacity or more, and not by chance", "[rays]") {
+  std::vector<RayQuery> rays;
+  for (int i = 0; i < 64; ++i) rays.push_back({{1.0 + 0.01 * i, 0.3 - 0.005 * i, 3}, {0, 0, -1}});
+  for (const int opacity : {100, 150}) {
+    const TemporaryFolder folder;
+    const Scene scene = PlateScene(folder, opacity);
+    const auto renderer = MakeRenderer(scene, 64 << 20);
+    for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
+      const auto answers = renderer->Ask(rays, {.goal = goal, .rule = {.least_opacity = 0.5f}});
+      REQUIRE(answers.has_value());
+      for (const Hit& hit : answers->hits) {
+        const bool found_floor = static_cast<double>(hit.t) == Approx(3).epsilon(1e-5);
+        // Any hit behind an opaque plate may be the floor too.
+        if (goal == RayGoal::kNearest || opacity < 128) CHECK(found_floor == (opacity < 128));
+      }
+    }
+    const auto counted = renderer->Ask(rays, {.goal = RayGoal::kCount, .rule = {.least_opacity = 0.5f}});
+    REQUIRE(counted.has_value());
+    for (const uint32_t count : counted->counts) CHECK(count == (opacity < 128 ? 1 : 2));
   }
 }
 

@@ -1,12 +1,17 @@
 #include "preprocess/ingest/spill_sink.h"
 
+#include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <glm/geometric.hpp>
+#include <random>
 #include <set>
 
+#include "preprocess/import/importer.h"
 #include "tests/support/temporary_folder.h"
 
 namespace quarry {
@@ -178,6 +183,78 @@ TEST_CASE("Triangles whose vertices lie far apart in the file, or come later, ar
     for (size_t i = 0; i < records.size(); ++i) moved += records[i].id != vertices_first[i].id;
     CHECK(moved == 0);
   }
+}
+
+TEST_CASE("A preview changes nothing of what is imported") {
+  // Every triangle's corners come from three places: pages are loaded, and faces wait, batch by batch.
+  constexpr uint32_t kVertices = 1200 << 10, kFaces = 60000;
+  std::vector<uint32_t> ids[2];
+  for (const bool previews : {false, true}) {
+    const TemporaryFolder folder;
+    ::setenv("QUARRY_PROGRESS_FILE", folder.file("progress").c_str(), 1);
+    std::optional<PreviewFile> preview = PreviewFile::Wanted(0, 0);
+    ::unsetenv("QUARRY_PROGRESS_FILE");
+    if (!previews) preview.reset();
+    SpillSink sink(
+        folder.path(), 1 << 20, 1, [](const std::string&) {}, true, std::move(preview));
+    REQUIRE(sink.BeginFile("f"));
+    size_t failed = 0;
+    for (uint32_t i = 0; i < kVertices; ++i)
+      failed += !sink.AddPosition(glm::dvec3(i % 1024, i / 1024, i % 7), Rgba8{});
+    for (uint32_t f = 0; f < kFaces; ++f) {
+      Corner corners[3];
+      for (uint32_t k = 0; k < 3; ++k) corners[k].position = (f * 2654435761u + k * 3928591u) % kVertices;
+      failed += !sink.AddPolygon(corners, kNoIndex, kNoIndex);
+    }
+    REQUIRE(failed == 0);
+    REQUIRE(sink.EndFile());
+    const auto scene = sink.Finish();
+    REQUIRE(scene.has_value());
+    CHECK(std::filesystem::exists(folder.file("progress.discs")) == previews);
+    for (const TriangleRecord& record : Records(*scene)) ids[previews].push_back(record.id);
+  }
+  CHECK(ids[0].size() > kFaces / 2);
+  CHECK(!std::ranges::is_sorted(ids[0]));
+  CHECK(ids[0] == ids[1]);
+}
+
+TEST_CASE("A closed sheet in an STL is judged alike by any number of threads") {
+  // Its volume is 0 but for rounding, so its sign depends on the order of the sum.
+  std::vector<std::array<glm::vec3, 3>> facets;
+  const auto point = [](int i, int j) {
+    return glm::vec3(static_cast<float>(i) + 0.1f * static_cast<float>(i * j % 3), static_cast<float>(j),
+                     static_cast<float>((i * 37 + j * 11) % 10) / 7);
+  };
+  for (int i = 0; i < 160; ++i)
+    for (int j = 0; j < 160; ++j)
+      for (const auto& [a, b, c] : {std::array{point(i, j), point(i + 1, j), point(i + 1, j + 1)},
+                                    std::array{point(i, j), point(i + 1, j + 1), point(i, j + 1)}}) {
+        facets.push_back({a, b, c});
+        facets.push_back({c, b, a});
+      }
+  std::shuffle(facets.begin(), facets.end(), std::mt19937(3));
+  std::string stl(80, ' ');
+  const auto put = [&](const auto& value) {
+    stl.append(reinterpret_cast<const char*>(&value), sizeof value);
+  };
+  put(static_cast<uint32_t>(facets.size()));
+  for (const auto& corners : facets) {
+    put(glm::vec3(0));
+    for (const glm::vec3& corner : corners) put(corner);
+    put(uint16_t{0});
+  }
+  std::vector<ScenePart> facts[3];
+  for (size_t i = 0; i < 3; ++i) {
+    const TemporaryFolder folder;
+    SpillSink sink = MakeSink(folder, 1 << 28, std::array{2u, 4u, 9u}[i]);
+    REQUIRE(ImportModel(folder.Write("sheet.stl", stl), sink));
+    const auto scene = sink.Finish();
+    REQUIRE(scene.has_value());
+    facts[i] = scene->parts.facts;
+  }
+  REQUIRE(facts[0].size() == 1);
+  CHECK((facts[0][0].flags & ScenePart::kClosed) != 0);
+  CHECK((facts[0] == facts[1] && facts[0] == facts[2]));
 }
 
 TEST_CASE("Another process takes over a saved import") {
