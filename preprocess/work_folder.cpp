@@ -35,13 +35,11 @@ Bytes Framed(uint32_t kind, std::span<const std::byte> bytes) {
   return out.Take();
 }
 
-/// The start of the names of the files that grow before a checkpoint; empty: of all.
-std::string FilesOf(CheckpointKind kind) {
+/// How the names of the files begin that grow before a checkpoint. Null: none does; empty: all do.
+const char* FilesOf(CheckpointKind kind) {
   switch (kind) {
-    case CheckpointKind::kImported:
-      break;
     case CheckpointKind::kRegions:
-      return "journal";
+      return nullptr;
     case CheckpointKind::kRouted:
       return "region-";
     case CheckpointKind::kSmoothed:
@@ -49,6 +47,8 @@ std::string FilesOf(CheckpointKind kind) {
     case CheckpointKind::kBuilt:
     case CheckpointKind::kTextures:
       return "store";
+    case CheckpointKind::kImported:
+      break;
   }
   return "";
 }
@@ -144,6 +144,7 @@ WorkFolder::~WorkFolder() {
 }
 
 Status WorkFolder::Begin(const std::string& command) {
+  durable_ = false;
   std::error_code none;
   // Its removal is durable before the files that it names go.
   if (fs::remove(path_ + "/journal", none)) SyncFolderOf(path_ + "/");
@@ -219,10 +220,11 @@ Status WorkFolder::Add(CheckpointKind kind, std::span<const Bytes> checkpoints) 
   return {};
 }
 
-/// Makes the files durable that a checkpoint names: the first time those of all earlier checkpoints too, and
-/// says so in the journal.
+/// Makes the files of a checkpoint durable. The first time it makes all files durable, and notes that in the
+/// journal.
 Status WorkFolder::MakeDurable(CheckpointKind kind) {
-  const std::string start = durable_ ? FilesOf(kind) : "";
+  const char* const start = durable_ ? FilesOf(kind) : "";
+  if (!start) return {};
   QUARRY_TRY(SyncFilesIn(path_, start));
   if (spill_ != path_) QUARRY_TRY(SyncFilesIn(spill_, start));
   if (std::exchange(durable_, true)) return {};

@@ -51,7 +51,8 @@ Status SyncFilesIn(const std::string& path, const std::string& start) {
   for (const bool waits : {false, true}) {
     std::filesystem::directory_iterator entry(path, error);
     for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
-      if (!entry->path().filename().string().starts_with(start) || !entry->is_regular_file(error)) continue;
+      std::error_code gone;
+      if (!entry->path().filename().string().starts_with(start) || !entry->is_regular_file(gone)) continue;
       const int fd = ::open(entry->path().c_str(), O_RDONLY | O_CLOEXEC);
       if (fd < 0 && errno == ENOENT) continue;  // it is gone again
       if (fd < 0)

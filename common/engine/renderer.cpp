@@ -143,7 +143,6 @@ Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const Ray
   RayPart part{std::make_shared<const std::vector<RayQuery>>(std::move(rays))};
   part.goal = ask.goal;
   part.from_origin = ask.from_origin;
-  part.has_surfaces = surfaces;
   RayAnswers answers;
   if (one_each) answers.hits.resize(count);
   if (one_each && surfaces) answers.surfaces.resize(count);

@@ -92,17 +92,19 @@ class Renderer {
   /// Errors (usage): CheckRay(); more than kMostRaysOfCall. Else as Render()'s.
   Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {},
                                  const View& view = {});
-  /// What a list of rays is asked for.
+  /// A question to the rays of a list.
   struct RayAsk {
     RayGoal goal = RayGoal::kNearest;
     bool surfaces = false;  ///< also part, material and normal of each hit; not with kAny and kCount
-    HitRule rule = {};
-    bool from_origin =
-        false;  ///< hits' t counts from the queries' origins, rounded to float; else see TracedRay
+    HitRule rule = {};      ///< which triangles are hits
+    /// Whether hits' t counts from the queries' origins, rounded to float; else from TracedRay's. Units:
+    /// scene units.
+    bool from_origin = false;
   };
   struct RayAnswers {
-    std::vector<Hit> hits;  ///< one a ray, or with kAll those of the first ray, the second, ...; kCount: none
-    std::vector<uint32_t> counts;      ///< kCount and kAll: hits of each ray
+    /// One a ray. With kAll all hits of the first ray, then those of the second, and so on; with kCount none.
+    std::vector<Hit> hits;
+    std::vector<uint32_t> counts;      ///< with kCount and kAll: the number of each ray's hits
     std::vector<HitSurface> surfaces;  ///< of the hits, if asked for
   };
   /// Traces rays as `ask` says. Of `view` the parts and the section count, but no caps are made. Memory: the

@@ -68,7 +68,7 @@ void TileRenderer::Open(std::shared_ptr<const ViewContext> view, const Tile& til
 
 void TileRenderer::Open(std::shared_ptr<const ViewContext> view, RayPart part) {
   QUARRY_CHECK(!view->integrator->needs().pixels);
-  film_.OpenHits(part.count, part.goal, part.has_surfaces);
+  film_.OpenHits(part.count, part.goal, view->integrator->needs().surfaces);
   touched_ = {};
   ray_list_.Open(std::move(part), view->catalog.meta);
   leaves_holes_ = false;

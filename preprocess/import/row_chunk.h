@@ -14,18 +14,17 @@ namespace quarry {
 /// none.
 class RowChunk {
  public:
-  /// As many rows as the buffer holds once it is filled, at most `most`, and at most what the caller's thread
-  /// and those of `team`, unless that is null, decode at once: rows that wait for their use fill caches.
+  /// The next rows: at most `most`, at most those that the buffer holds once it is filled, and few enough to
+  /// stay in the caches until they are used: kRowsOfPart for each thread. `team`: null if there is none.
   /// Requires: row_bytes <= ModelReader::kBufferBytes.
   RowChunk(ModelReader& bytes, size_t row_bytes, uint64_t most, WorkTeam* team)
       : bytes_(bytes), row_bytes_(row_bytes), team_(team) {
-    // Filling moves what is left, so that waits until little is.
-    constexpr size_t kLittle = 64 << 10;
-    if (bytes.available() < std::max(kLittle, row_bytes))
-      bytes.Ensure(std::min<uint64_t>(ModelReader::kBufferBytes,
-                                      std::min<uint64_t>(most, ModelReader::kBufferBytes) * row_bytes));
-    rows_ =
-        std::min<uint64_t>({bytes.available() / row_bytes, most, kRowsOfPart * (team ? team->threads() : 1)});
+    constexpr uint64_t kBuffer = ModelReader::kBufferBytes;
+    constexpr size_t kLittle = 64 << 10;  // filling moves the bytes that are left, so it waits for few
+    const uint64_t wanted = std::min(kBuffer, std::min(most, kBuffer) * row_bytes);
+    if (bytes.available() < std::max(kLittle, row_bytes)) bytes.Ensure(wanted);
+    const uint64_t at_once = kRowsOfPart * (team ? team->threads() : 1);
+    rows_ = std::min({uint64_t{bytes.available() / row_bytes}, most, at_once});
   }
 
   size_t rows() const { return rows_; }

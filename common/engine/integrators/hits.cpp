@@ -18,7 +18,7 @@ void NearestHits::Shade(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {
     work.film.SetHit(s.pixel[i], HitFromOrigin(work, i));
-    if (surfaces_) work.film.SetSurface(s.pixel[i], s.surface[static_cast<int>(i)]);
+    if (has_surfaces()) work.film.SetSurface(s.pixel[i], s.surface[static_cast<int>(i)]);
   });
   s.Move(lanes, SamplePacket::kShade, SamplePacket::kNext);
 }
@@ -27,7 +27,7 @@ void AllHits::Shade(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {
     work.film.AddHit(s.pixel[i], HitFromOrigin(work, i));
-    if (surfaces_) work.film.AddSurface(s.surface[static_cast<int>(i)]);
+    if (has_surfaces()) work.film.AddSurface(s.surface[static_cast<int>(i)]);
     work.rays.GoOnAfterHit(i, s.t_end[i]);
   });
   s.Move(lanes, SamplePacket::kShade, SamplePacket::kTraverse);

@@ -4,32 +4,34 @@
 
 namespace quarry {
 
-/// No picture: the nearest hit of each ray.
-class NearestHits final : public Integrator {
+/// No picture: hits of each ray, with their surfaces if these are asked for.
+class HitsInOrder : public Integrator {
  public:
-  explicit NearestHits(bool surfaces = false, HitRule rule = {}) : surfaces_(surfaces), rule_(rule) {}
-  Needs needs() const override {
+  explicit HitsInOrder(bool surfaces = false, HitRule rule = {}) : surfaces_(surfaces), rule_(rule) {}
+  Needs needs() const final {
     return {.surfaces = surfaces_, .attributes = false, .pixels = false, .hits = rule_};
   }
-  void Shade(PacketWork& work, uint64_t lanes) const override;
+
+ protected:
+  bool has_surfaces() const { return surfaces_; }
 
  private:
   bool surfaces_;
   HitRule rule_;
 };
 
-/// No picture: all hits of each ray, in the order of (t, triangle).
-class AllHits final : public Integrator {
+/// The nearest hit of each ray.
+class NearestHits final : public HitsInOrder {
  public:
-  explicit AllHits(bool surfaces = false, HitRule rule = {}) : surfaces_(surfaces), rule_(rule) {}
-  Needs needs() const override {
-    return {.surfaces = surfaces_, .attributes = false, .pixels = false, .hits = rule_};
-  }
+  using HitsInOrder::HitsInOrder;
   void Shade(PacketWork& work, uint64_t lanes) const override;
+};
 
- private:
-  bool surfaces_;
-  HitRule rule_;
+/// All hits of each ray, in the order of (t, triangle).
+class AllHits final : public HitsInOrder {
+ public:
+  using HitsInOrder::HitsInOrder;
+  void Shade(PacketWork& work, uint64_t lanes) const override;
 };
 
 /// No picture: some hit of each ray, if it has one: its `t` and its triangle.

@@ -15,8 +15,7 @@ struct RayPart {
   std::shared_ptr<const std::vector<RayQuery>> list;
   uint32_t first = 0, count = 0;
   RayGoal goal = RayGoal::kNearest;
-  bool from_origin = true;    ///< hits' t counts from the queries' origins; else from the traced rays'
-  bool has_surfaces = false;  ///< whether hits have surfaces; of the integrator too
+  bool from_origin = true;  ///< hits' t counts from the queries' origins; else from the traced rays'
 };
 
 /// A query as kernels trace it.

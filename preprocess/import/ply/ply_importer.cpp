@@ -130,7 +130,8 @@ class PlyBody {
     return rows_.Read(element, PlanToSkip(element), [] { return Status(); });
   }
 
-  /// Real channels run to 1, until one of a row is larger: then those of later rows run to 255.
+  /// Whether colours are real numbers. Their channels run to 1. A channel above kMostOfOne shows that the
+  /// file's channels run to 255, in that row and the later ones.
   static bool HasRealColors(const PlyPlan& plan) {
     return plan.Has(kRed, kBlue) && plan.color_scale[0] == kScaleOfReal;
   }

@@ -1,5 +1,5 @@
-// Renderer::Ask(): the nearest hit, any, their number and all of them are those of brute force over the rays
-// that stand for the queries (RayOfQuery), whatever the cache and the threads.
+// Renderer::Ask() against brute force, in every ask: the hits are those of the rays that stand for the
+// queries (RayOfQuery), whatever the cache and the threads.
 #include "common/engine/renderer.h"
 #include "common/engine/sources/ray_list.h"
 #include "tests/reference/reference_rays.h"
@@ -9,8 +9,8 @@ namespace {
 
 constexpr int kParts = 7;
 
-/// Triangles about a box, each twice, so that hits at the same t have an order; parts and materials by turns.
-/// One material of three is glass.
+/// Writes triangles in a box. Each stands there twice, so that hits at the same t have an order. Parts and
+/// materials take turns; one material of three is glass.
 void WriteModel(const TemporaryFolder& folder, std::mt19937& random) {
   std::ofstream(folder.file("m.mtl")) << "newmtl a\nnewmtl b\nnewmtl c\nTf 0.5 0.6 0.7\nNi 1.5\nillum 6\n";
   std::ofstream out(folder.file("m.obj"));

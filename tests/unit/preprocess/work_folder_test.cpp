@@ -102,6 +102,11 @@ TEST_CASE("WorkFolder continues after a loss of power from durable checkpoints a
     }
     CHECK(kinds(open(true, "wednesday", 1e9)) == std::vector{kImported, kRegions, kRouted});
   }
+  SECTION("a run that finds a journal without checkpoints begins a journal of its own") {
+    REQUIRE(open(false, "monday", 0).Add(kImported, std::span<const Bytes>()));
+    REQUIRE(open(true, "monday", 0).Add(kRegions, Bytes(8)));
+    CHECK(kinds(open(true, "tuesday", 1e9)) == std::vector{kRegions});
+  }
   SECTION("without a boot every one is durable") {
     REQUIRE(open(false, "", 1e9).Add(kImported, Bytes(8)));
     CHECK(kinds(open(true, "tuesday", 1e9)) == std::vector{kImported});
