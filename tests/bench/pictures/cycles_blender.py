@@ -1,5 +1,5 @@
 """Blender's side of tests/bench/pictures/cycles: reads a scene of cycles_scenes.py from FOLDER and renders it with Cycles, one EXR a seed.
-Run by that bench: blender -b --factory-startup --python-exit-code 1 --python cycles_blender.py -- FOLDER NAME SIZE SAMPLES SEEDS
+gallery_blender.py takes its lights, cameras and options from here. Run by that bench: blender -b --factory-startup --python-exit-code 1 --python cycles_blender.py -- FOLDER NAME SIZE SAMPLES SEEDS
 Reads FOLDER/NAME.json and FOLDER/NAME.npz; writes FOLDER/NAME.cycles.SEED.exr, linear floats of 32 bits."""
 import json
 import math
@@ -83,6 +83,14 @@ def material_of(m):
         shader = layered(nodes, m)
     elif m["kind"] == "glass":
         shader = nodes.add("ShaderNodeBsdfGlass", {"distribution": "SHARP"}, Color=opaque((1, 1, 1)), IOR=m["ior"])
+    elif m["kind"] == "principled":
+        shader = nodes.add("ShaderNodeBsdfPrincipled", {"distribution": "MULTI_GGX"}, Base_Color=opaque(m["color"]), Metallic=m["metalness"],
+                           Specular=m["specular"], Roughness=m["roughness"], Transmission=m["transmission"], IOR=m["ior"],
+                           Emission=opaque(m["emission"]), Emission_Strength=1.0)
+        if m["colored"]:
+            tint = nodes.add("ShaderNodeVertexColor", {"layer_name": "colors"})
+            base = nodes.add("ShaderNodeVectorMath", {"operation": "MULTIPLY"}, _0=tint.outputs[0], _1=m["color"])
+            nodes.tree.links.new(base.outputs[0], shader.inputs["Base Color"])
     else:
         shader = nodes.add("ShaderNodeEmission", Color=opaque(m["radiance"]), Strength=1)
     nodes.add("ShaderNodeOutputMaterial", Surface=shader.outputs[0])
@@ -102,6 +110,9 @@ def make_mesh(scene, arrays):
     for m in scene["materials"]:
         mesh.materials.append(material_of(m))
     mesh.polygons.foreach_set("material_index", arrays["materials"].astype(numpy.int32))
+    if "colors" in arrays:
+        colors = mesh.color_attributes.new("colors", "FLOAT_COLOR", "POINT")
+        colors.data.foreach_set("color", arrays["colors"].astype(numpy.float32).ravel())
     smooth = "normals" in arrays
     mesh.polygons.foreach_set("use_smooth", numpy.full(len(triangles), smooth))
     mesh.update(calc_edges=True)
@@ -134,6 +145,11 @@ def make_light(light):
         scale = math.pi * math.tan(half) ** 2 * math.pi / (2 * math.pi * (1 - math.cos(half)))
         lamp.color, lamp.energy = light["radiance"], scale
         return
+    if light["type"] == "point":
+        lamp = add_lamp("POINT", light, (0, 0, -1))
+        lamp.shadow_soft_size = 0
+        lamp.color, lamp.energy = light["radiance"], 4 * math.pi ** 2  # Blender: irradiance at distance 1 = energy / (4 pi)
+        return
     first, second = (Vector(e) for e in light["edges"])
     lamp = add_lamp("AREA", light, first.cross(second), first)
     lamp.shape, lamp.size, lamp.size_y = "RECTANGLE", first.length, second.length
@@ -155,7 +171,7 @@ def make_camera(camera):
     bpy.context.scene.camera = held
 
 
-def set_options(scene, size, samples):
+def set_options(scene, width, height, samples):
     bpy.context.scene.render.engine = "CYCLES"
     options = {"device": "CPU", "use_denoising": False, "samples": samples, "use_adaptive_sampling": False, "light_sampling_threshold": 0,
                "min_light_bounces": 0, "min_transparent_bounces": 0, "caustics_reflective": True, "caustics_refractive": True, "blur_glossy": 0,
@@ -166,7 +182,7 @@ def set_options(scene, size, samples):
     for name, value in options.items():
         setattr(bpy.context.scene.cycles, name, value)
     render = bpy.context.scene.render
-    render.resolution_x = render.resolution_y = size
+    render.resolution_x, render.resolution_y = width, height
     render.resolution_percentage = 100
     render.use_persistent_data = True
     render.film_transparent = render.use_compositing = render.use_sequencer = False
@@ -175,25 +191,34 @@ def set_options(scene, size, samples):
     bpy.context.scene.view_settings.view_transform = "Raw"
 
 
+def make_world(radiance):
+    world = bpy.data.worlds.new("world")
+    nodes = Nodes(world)
+    nodes.add("ShaderNodeOutputWorld", Surface=nodes.add("ShaderNodeBackground", Color=opaque(radiance), Strength=1).outputs[0])
+    bpy.context.scene.world = world
+
+
+def make_empty():
+    for held in list(bpy.data.objects):
+        bpy.data.objects.remove(held)
+
+
 def main():
     folder, name, size, samples, seeds = sys.argv[sys.argv.index("--") + 1:]
     at = pathlib.Path(folder) / name
     scene = json.loads(at.with_name(f"{name}.json").read_text())
-    for held in list(bpy.data.objects):
-        bpy.data.objects.remove(held)
+    make_empty()
     make_mesh(scene, numpy.load(at.with_name(f"{name}.npz")))
     for light in scene["lights"]:
         make_light(light)
     make_camera(scene["camera"])
-    world = bpy.data.worlds.new("world")
-    nodes = Nodes(world)
-    nodes.add("ShaderNodeOutputWorld", Surface=nodes.add("ShaderNodeBackground", Color=opaque(scene["sky"]), Strength=1).outputs[0])
-    bpy.context.scene.world = world
-    set_options(scene, int(size), int(samples))
+    make_world(scene["sky"])
+    set_options(scene, int(size), int(size), int(samples))
     for seed in range(1, int(seeds) + 1):
         bpy.context.scene.cycles.seed = seed
         bpy.context.scene.render.filepath = str(at.with_name(f"{name}.cycles.{seed}.exr"))
         bpy.ops.render.render(write_still=True)
 
 
-main()
+if __name__ == "__main__":
+    main()
