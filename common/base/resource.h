@@ -42,9 +42,9 @@ auto WithinLimits(Work&& work) -> decltype(work()) {
   try {
     return work();
   } catch (const std::bad_alloc&) {
-    return tl::unexpected<Error>(Error{kNoMemory});
+    return tl::unexpected<Error>(Error{kNoMemory, ErrorKind::kMemory});
   } catch (const std::system_error& e) {
-    return tl::unexpected<Error>(Error{SentenceOf(e)});
+    return tl::unexpected<Error>(Error{SentenceOf(e), ErrorKind::kMemory});
   }
 }
 

@@ -14,6 +14,7 @@ enum class ErrorKind : uint8_t {
   kPermanent,     ///< a retry cannot help: another version, another scene, damaged data
   kCannotResume,  ///< kept work does not fit; the message advises to start again
   kCancelled,     ///< the caller asked to cancel
+  kMemory,        ///< no memory is left, or the system refuses a thread
 };
 
 /// A failure. `message` is one sentence for the person at the terminal: the subject, the place (file, line or

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <new>
 #include <utility>
 
 #include "common/base/resource.h"
@@ -213,14 +214,13 @@ void Engine::Step(Tiles& tiles, PinnedBlocks& pins, Mailbox& mailbox) {
 /// A failed allocation ends this thread's work, not the program.
 void Engine::Run(Mailbox& mailbox) {
   Tiles tiles;
-  const Status worked = WithinLimits([&]() -> Status {
-    Work(mailbox, tiles);
-    return {};
-  });
-  if (worked) return;
+  try {
+    return Work(mailbox, tiles);
+  } catch (const std::bad_alloc&) {
+  }
   open_ -= static_cast<uint32_t>(tiles.open.size());
   tiles = {};  // returns memory before the fault is reported
-  if (on_fault_) on_fault_(worked.error());
+  if (on_fault_) on_fault_();
 }
 
 void Engine::Work(Mailbox& mailbox, Tiles& tiles) {

@@ -34,9 +34,9 @@ class Engine {
   /// Called on a compute thread.
   using OnTile = std::function<void(RenderedTile)>;
 
-  /// Called on a compute thread, which has ended for want of memory. The tiles that it had begun are lost:
-  /// their `done` is never called.
-  using OnFault = std::function<void(const Error&)>;
+  /// Called on a compute thread, which has ended for want of memory; it must not need any. The tiles that the
+  /// thread had begun are lost: their `done` is never called.
+  using OnFault = std::function<void()>;
 
   /// `catalog` and `cache` must outlive this. Throws std::system_error when the system refuses a thread.
   Engine(const Catalog& catalog, VoxelCache& cache, unsigned threads, OnFault on_fault = {});

@@ -3,6 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
+#include <mutex>
+#include <new>
+#include <shared_mutex>
 #include <utility>
 
 #include "common/base/resource.h"
@@ -57,7 +61,7 @@ Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Opt
     r.scene_ = scene;
     r.loader_thread_ = std::thread([&r] { r.tasks_.Run(); });
     const auto executor = [&r](std::function<void()> task) { r.tasks_.Post(std::move(task)); };
-    r.source_ = scene.MakeSource(executor);
+    r.source_ = scene.MakeSource(executor, [&r] { r.NoMemory(); });
     r.Begin(*r.source_, executor, options);
     return renderer;
   });
@@ -66,10 +70,22 @@ Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Opt
 void Renderer::Begin(VoxelSource& source, Executor executor, const Options& options) {
   executor_ = std::move(executor);
   loader_.emplace(catalog_, cache_, source, [this](const Error& error) { Failed(error); });
-  // A compute thread notifies the loader's thread, which owns the hooks.
-  engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this](const Error& error) {
-    executor_([this, error] { Failed(error); });
+  engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this] {
+    NoMemory();
+    // A compute thread notifies the loader's thread, which owns the hooks.
+    if (hooks_.on_error) executor_([this] { Failed(Error{kNoMemory, ErrorKind::kMemory}); });
   });
+}
+
+/// Ends all calls, on any thread, without an allocation.
+void Renderer::NoMemory() {
+  const std::lock_guard lock(mutex_);
+  no_memory_ = true;
+  for (const auto& call : calls_) {
+    const std::lock_guard call_lock(call->mutex);
+    call->no_memory = true;
+    call->changed.notify_all();
+  }
 }
 
 /// On the loader's thread.
@@ -132,44 +148,97 @@ Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goa
   return std::move(answers.hits);
 }
 
+namespace {
+
+/// The rays of a caller. Threads that have not heard of a call's end read others once they are taken back.
+class LentRays final : public RayArray {
+ public:
+  explicit LentRays(const RayArray& rays) : rays_(&rays) {}
+  void Read(size_t first, std::span<RayQuery> out) const override {
+    const std::shared_lock lock(mutex_);
+    if (rays_)
+      rays_->Read(first, out);
+    else
+      std::ranges::fill(out, RayQuery{});
+  }
+  Status Check(size_t first, size_t count) const override { return rays_->Check(first, count); }
+  void TakeBack() {
+    const std::unique_lock lock(mutex_);
+    rays_ = nullptr;
+  }
+
+ private:
+  mutable std::shared_mutex mutex_;
+  const RayArray* rays_;
+};
+
+/// Limit of the known hits of a part of several rays. Trades memory of open parts against packets that are
+/// not full. A judgement: 850 KB of hits and surfaces a part.
+constexpr uint64_t kMostHitsOfPart = 1u << 14;
+
+/// The first ray of each part, and the end.
+std::vector<size_t> PartsOf(size_t count, std::span<const uint64_t> splits) {
+  std::vector<size_t> first{0};
+  first.reserve(count / kMostRays + 2);
+  for (size_t i = 1; i < count; ++i) {
+    const bool full = i - first.back() == kMostRays;
+    if (full || (!splits.empty() && splits[i + 1] - splits[first.back()] > kMostHitsOfPart))
+      first.push_back(i);
+  }
+  if (count > 0) first.push_back(count);
+  return first;
+}
+
+}  // namespace
+
+Status Renderer::Ask(const RayArray& rays, size_t count, const RayAsk& ask, const OnRays& on_rays,
+                     std::stop_token stop, const View& view) {
+  const auto lent = std::make_shared<LentRays>(rays);
+  const bool surfaces = ask.surfaces && (ask.goal == RayGoal::kAll || ask.goal == RayGoal::kNearest);
+  const std::vector<size_t> first = PartsOf(count, ask.splits);
+  const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) -> Status {
+    const size_t of_part = first[i + 1] - first[i];
+    QUARRY_TRY(rays.Check(first[i], of_part));
+    engine_->Trace(number, {lent, first[i], static_cast<uint32_t>(of_part), ask.goal, ask.from_origin},
+                   std::move(done));
+    return {};
+  };
+  const OnTile deliver = [&](size_t i, const RenderedTile& result, Progress) { on_rays(first[i], result); };
+  const Status outcome = Run(view, IntegratorOf(ask.goal, surfaces, ask.rule), first.size() - 1, queue,
+                             deliver, std::move(stop));
+  lent->TakeBack();
+  return outcome;
+}
+
 Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const RayAsk& ask,
                                            std::stop_token stop, const View& view) {
   if (rays.size() > kMostRaysOfCall) return BadUsage(fmt::format("more than {} rays", kMostRaysOfCall));
-  for (const RayQuery& ray : rays) QUARRY_TRY(CheckRay(ray));
   const bool all = ask.goal == RayGoal::kAll, one_each = !all && ask.goal != RayGoal::kCount;
-  const bool surfaces = ask.surfaces && (all || ask.goal == RayGoal::kNearest);
-  const auto count = static_cast<uint32_t>(rays.size());
-  const size_t parts = (count + kMostRays - 1) / kMostRays;
-  RayPart part{std::make_shared<const std::vector<RayQuery>>(std::move(rays))};
-  part.goal = ask.goal;
-  part.from_origin = ask.from_origin;
+  const size_t count = rays.size();
+  const RayVector array(std::move(rays));
+  QUARRY_TRY(array.Check(0, count));
   RayAnswers answers;
   if (one_each) answers.hits.resize(count);
-  if (one_each && surfaces) answers.surfaces.resize(count);
+  if (one_each && ask.surfaces && ask.goal == RayGoal::kNearest) answers.surfaces.resize(count);
   if (!one_each) answers.counts.resize(count);
-  std::vector<RenderedTile> of_parts(all ? parts : 0);
-  const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) -> Status {
-    part.first = static_cast<uint32_t>(i) * kMostRays;
-    part.count = std::min(kMostRays, count - part.first);
-    engine_->Trace(number, part, std::move(done));
-    return {};
-  };
-  const OnTile keep = [&](size_t i, RenderedTile result, Progress) {
-    const auto first = static_cast<std::ptrdiff_t>(i * kMostRays);
+  std::map<size_t, RenderedTile> of_parts;  // with kAll, by first ray
+  const OnRays keep = [&](size_t at, const RenderedTile& result) {
+    const auto first = static_cast<std::ptrdiff_t>(at);
     std::ranges::copy(result.counts, answers.counts.begin() + (one_each ? 0 : first));
     if (all) {
-      of_parts[i] = std::move(result);
+      of_parts[at] = result;
     } else if (one_each) {
       std::ranges::copy(result.hits, answers.hits.begin() + first);
-      std::ranges::copy(result.surfaces, answers.surfaces.begin() + (surfaces ? first : 0));
+      std::ranges::copy(result.surfaces, answers.surfaces.begin() + (answers.surfaces.empty() ? 0 : first));
     }
   };
-  QUARRY_TRY(Run(view, IntegratorOf(ask.goal, surfaces, ask.rule), parts, queue, keep, std::move(stop)));
-  size_t hits = 0;
-  for (const RenderedTile& of_part : of_parts) hits += of_part.hits.size();
-  if (all) answers.hits.reserve(hits);
-  if (all && surfaces) answers.surfaces.reserve(hits);
-  for (RenderedTile& of_part : of_parts) {
+  QUARRY_TRY(Ask(array, count, ask, keep, std::move(stop), view));
+  size_t hits = 0, surfaces = 0;
+  for (const auto& [first, of_part] : of_parts)
+    hits += of_part.hits.size(), surfaces += of_part.surfaces.size();
+  answers.hits.reserve(answers.hits.size() + hits);
+  answers.surfaces.reserve(answers.surfaces.size() + surfaces);
+  for (auto& [first, of_part] : of_parts) {
     answers.hits.insert(answers.hits.end(), of_part.hits.begin(), of_part.hits.end());
     answers.surfaces.insert(answers.surfaces.end(), of_part.surfaces.begin(), of_part.surfaces.end());
     of_part = {};
@@ -181,6 +250,7 @@ Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const Ray
 Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
                      const std::function<Status(uint64_t, size_t, std::function<void(RenderedTile)>)>& queue,
                      const OnTile& on_tile, std::stop_token stop) {
+  const tl::unexpected<Error> no_memory(Error{kNoMemory, ErrorKind::kMemory});
   const auto call = std::make_shared<Call>();
   call->on_tile = &on_tile;
   call->progress.all = static_cast<uint32_t>(parts);
@@ -189,22 +259,35 @@ Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integra
   {
     const std::lock_guard lock(mutex_);
     if (failure_) return tl::unexpected<Error>(*failure_);
+    if (no_memory_) return no_memory;
     number = next_view_++;
     calls_.insert(call);
   }
-  engine_->SetView(number, view, std::move(integrator));
-  for (size_t i = 0; i < parts; ++i) {
-    const auto done = [call, i](RenderedTile result) { call->OnTileDone(i, std::move(result)); };
-    if (const Status queued = queue(number, i, done); !queued) call->End(queued.error());
+  try {
+    engine_->SetView(number, view, std::move(integrator));
+    for (size_t i = 0; i < parts && !stop.stop_requested(); ++i) {
+      const auto done = [call, i](RenderedTile result) { call->OnTileDone(i, std::move(result)); };
+      if (const Status queued = queue(number, i, done); !queued) {
+        call->End(queued.error());
+        break;
+      }
+    }
+  } catch (const std::bad_alloc&) {  // the call ends in order: compute threads may hold parts of it
+    const std::lock_guard lock(call->mutex);
+    call->no_memory = true;
   }
   Status outcome;
   {
     std::unique_lock lock(call->mutex);
     call->changed.wait(lock, [&] {
-      return !call->delivering && (call->error || call->progress.done == call->progress.all);
+      const bool over = call->error || call->no_memory || call->progress.done == call->progress.all;
+      return over && !call->delivering;
     });
     call->on_tile = nullptr;
-    if (call->error) outcome = tl::unexpected<Error>(*call->error);
+    if (call->error)
+      outcome = tl::unexpected<Error>(std::move(*call->error));
+    else if (call->no_memory)
+      outcome = no_memory;
   }
   engine_->DropViews(number, number + 1);
   const std::lock_guard lock(mutex_);
@@ -232,7 +315,7 @@ Status Renderer::Order(const RayQuery& ray, const View& view, std::function<void
   }
   engine_->SetView(number, view, std::make_shared<const NearestHits>());
   engine_->Trace(
-      number, {std::make_shared<const std::vector<RayQuery>>(1, ray), 0, 1},
+      number, {std::make_shared<const RayVector>(std::vector<RayQuery>(1, ray)), 0, 1},
       [this, number, done = std::move(done)](RenderedTile result) {
         done(std::move(result));
         engine_->DropViews(number, number + 1);
@@ -249,7 +332,7 @@ Renderer::Counters Renderer::counters() const {
 void Renderer::Call::OnTileDone(size_t index, RenderedTile result) {
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return !delivering; });
-  if (!on_tile || error) return;
+  if (!on_tile || error || no_memory) return;
   delivering = true;
   ++progress.done;
   const Progress now = progress;

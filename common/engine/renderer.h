@@ -100,6 +100,9 @@ class Renderer {
     /// Whether hits' t counts from the queries' origins, rounded to float; else from TracedRay's. Units:
     /// scene units.
     bool from_origin = false;
+    /// With kAll, where kCount has told it: ray i has the hits [splits[i], splits[i + 1]). Rays with many
+    /// hits are then traced in smaller parts. Empty, or one more than the rays.
+    std::span<const uint64_t> splits = {};
   };
   struct RayAnswers {
     /// One a ray. With kAll all hits of the first ray, then those of the second, and so on; with kCount none.
@@ -111,6 +114,13 @@ class Renderer {
   /// answers, with kAll twice. Else as Trace().
   Result<RayAnswers> Ask(std::vector<RayQuery> rays, const RayAsk& ask, std::stop_token stop = {},
                          const View& view = {});
+  /// The answers of consecutive rays, the first of them of number `first`: `hits`, `counts` and `surfaces`.
+  using OnRays = std::function<void(size_t first, const RenderedTile& of_rays)>;
+  /// The same, without a copy of rays and answers. `on_rays` is called as Render()'s `on_tile`, for all rays
+  /// in parts of any order. Compute threads read `rays`, but not after the return. Memory: a few bytes per
+  /// ray. Errors: RayArray::Check(), once a ray is reached: some answers have then come. Else as Render()'s.
+  Status Ask(const RayArray& rays, size_t count, const RayAsk& ask, const OnRays& on_rays,
+             std::stop_token stop = {}, const View& view = {});
   static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
   // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView;
@@ -157,6 +167,7 @@ class Renderer {
 
     std::mutex mutex;  ///< guards all below
     std::condition_variable changed;
+    bool no_memory = false;   ///< ended for want of it, so that there is no sentence
     const OnTile* on_tile;    ///< null once the call is over
     bool delivering = false;  ///< on_tile is running
     Progress progress;
@@ -164,6 +175,7 @@ class Renderer {
   };
   Renderer(const Catalog& catalog, const Options& options, Hooks hooks);
   void Failed(const Error& error);
+  void NoMemory();
   void Begin(VoxelSource& source, Executor executor, const Options& options);
   void ScheduleLoader();
   Status Run(
@@ -174,7 +186,7 @@ class Renderer {
   const Catalog& catalog_;
   const Hooks hooks_;
   // The loader's own thread and its source; unused when an executor was given.
-  TaskQueue tasks_;
+  TaskQueue tasks_{[this] { NoMemory(); }};
   std::thread loader_thread_;
   std::optional<Scene> scene_;  ///< keeps the catalog
   std::unique_ptr<VoxelSource> source_;
@@ -183,9 +195,10 @@ class Renderer {
   std::atomic<bool> scheduled_{false};
   VoxelCache cache_;
   std::optional<Loader> loader_;
-  std::mutex mutex_;  ///< guards calls_, failure_, next_view_
+  std::mutex mutex_;  ///< guards calls_, failure_, no_memory_, next_view_
   std::set<std::shared_ptr<Call>> calls_;
   std::optional<Error> failure_;
+  bool no_memory_ = false;
   uint64_t next_view_ = kFirstOwnView;
   std::unique_ptr<Engine> engine_;
 };

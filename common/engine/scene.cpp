@@ -1,5 +1,7 @@
 #include "common/engine/scene.h"
 
+#include <utility>
+
 #include "common/engine/blocks/file_source.h"
 
 namespace quarry {
@@ -9,8 +11,8 @@ Result<Scene> Scene::Open(const std::string& path) {
   return Scene(std::make_shared<const StoreReader>(std::move(store)));
 }
 
-std::unique_ptr<VoxelSource> Scene::MakeSource(Executor executor) const {
-  return std::make_unique<FileVoxelSource>(std::move(executor), store_);
+std::unique_ptr<VoxelSource> Scene::MakeSource(Executor executor, std::function<void()> on_no_memory) const {
+  return std::make_unique<FileVoxelSource>(std::move(executor), store_, std::move(on_no_memory));
 }
 
 }  // namespace quarry

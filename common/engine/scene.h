@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -18,8 +19,9 @@ class Scene {
 
   const StoreReader& store() const { return *store_; }
   const Catalog& catalog() const { return store_->catalog(); }
-  /// A source of the scene's blocks for one loader. `executor` posts to the loader's thread.
-  std::unique_ptr<VoxelSource> MakeSource(Executor executor) const;
+  /// A source of the scene's blocks for one loader. `executor` posts to the loader's thread. `on_no_memory`:
+  /// see FileVoxelSource.
+  std::unique_ptr<VoxelSource> MakeSource(Executor executor, std::function<void()> on_no_memory = {}) const;
 
  private:
   std::shared_ptr<const StoreReader> store_;

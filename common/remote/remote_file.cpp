@@ -7,7 +7,10 @@
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <chrono>
+#include <csignal>
 #include <future>
+#include <memory>
+#include <new>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -27,26 +30,50 @@ constexpr auto kPause = std::chrono::milliseconds(200);  // between attempts
 }  // namespace
 
 struct RemoteFile::Impl {
-  Impl(const HttpLocation& location, const HttpOptions& options)
-      : name(location.text()), work(io.get_executor()), client(std::in_place, io, location, options) {
-    thread = std::thread([this] { io.run(); });
+  Impl(const HttpLocation& at, const HttpOptions& settings)
+      : name(at.text()),
+        location(at),
+        options(settings),
+        work(io.get_executor()),
+        client(std::in_place, io, location, options) {
+    thread = std::thread([this] { Serve(); });
   }
   ~Impl() {
-    asio::post(io, [this] {
-      client.reset();
-      work.reset();
-    });
+    io.stop();
     thread.join();
+  }
+
+  /// The thread, which leaves signals to the program's own. A client that has met a failed allocation is
+  /// replaced: its requests end unanswered.
+  void Serve() {
+    ::sigset_t all;
+    ::sigfillset(&all);
+    ::pthread_sigmask(SIG_BLOCK, &all, nullptr);
+    while (!io.stopped()) {
+      try {
+        if (!client) client.emplace(io, location, options);
+        io.run();
+      } catch (const std::bad_alloc&) {
+        client.reset();
+        std::this_thread::sleep_for(kPause);
+      }
+    }
   }
 
   /// One request, from any thread.
   Result<HttpRangeClient::Reply> Ask(uint64_t offset, uint32_t bytes) {
-    std::promise<Result<HttpRangeClient::Reply>> promise;
-    auto reply = promise.get_future();
-    asio::post(io, [&] {
-      client->Get(offset, bytes, [&](Result<HttpRangeClient::Reply> r) { promise.set_value(std::move(r)); });
+    auto promise = std::make_shared<std::promise<Result<HttpRangeClient::Reply>>>();
+    auto reply = promise->get_future();
+    asio::post(io, [this, offset, bytes, promise] {
+      client->Get(offset, bytes,
+                  [promise](Result<HttpRangeClient::Reply> r) { promise->set_value(std::move(r)); });
     });
-    return reply.get();
+    promise.reset();
+    try {
+      return reply.get();
+    } catch (const std::future_error&) {  // the request is gone, for want of memory
+      throw std::bad_alloc();
+    }
   }
 
   Result<HttpRangeClient::Reply> AskAgain(uint64_t offset, uint32_t bytes) {
@@ -74,6 +101,8 @@ struct RemoteFile::Impl {
   }
 
   const std::string name;
+  const HttpLocation location;
+  const HttpOptions options;
   uint64_t size = 0;
   Bytes head;
   asio::io_context io;

@@ -1,5 +1,6 @@
 #include "common/scene/ray_query.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -17,6 +18,15 @@ Status CheckRay(const RayQuery& ray) {
   if (!(length > 0)) return BadUsage("a ray has no direction");
   if (!(ray.begin >= 0 && std::isfinite(ray.begin))) return BadUsage("a ray begins at no distance");
   if (!(ray.end > ray.begin)) return BadUsage("a ray ends before it begins");
+  return {};
+}
+
+void RayVector::Read(size_t first, std::span<RayQuery> out) const {
+  std::ranges::copy(std::span(rays_).subspan(first, out.size()), out.begin());
+}
+
+Status RayVector::Check(size_t first, size_t count) const {
+  for (const RayQuery& ray : std::span(rays_).subspan(first, count)) QUARRY_TRY(CheckRay(ray));
   return {};
 }
 

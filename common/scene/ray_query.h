@@ -2,6 +2,9 @@
 
 #include <glm/vec3.hpp>
 #include <limits>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "common/base/status.h"
 
@@ -33,5 +36,26 @@ inline constexpr double kFarthestOrigin = 1e30;
 /// Errors (usage): a number that is none, an origin beyond kFarthestOrigin, a direction of length 0, a begin
 /// below 0 or infinite, an end that is not beyond the begin; one sentence.
 Status CheckRay(const RayQuery& ray);
+
+/// Rays by their numbers, from wherever a program holds them. Thread-safe.
+class RayArray {
+ public:
+  virtual ~RayArray() = default;
+  /// Reads the rays from number `first` on. Requires: `out` ends within the array.
+  virtual void Read(size_t first, std::span<RayQuery> out) const = 0;
+  /// Checks `count` rays from number `first` on. Errors: as CheckRay(), of the first bad ray.
+  virtual Status Check(size_t first, size_t count) const = 0;
+};
+
+/// Rays of a vector.
+class RayVector final : public RayArray {
+ public:
+  explicit RayVector(std::vector<RayQuery> rays) : rays_(std::move(rays)) {}
+  void Read(size_t first, std::span<RayQuery> out) const override;
+  Status Check(size_t first, size_t count) const override;
+
+ private:
+  std::vector<RayQuery> rays_;
+};
 
 }  // namespace quarry

@@ -76,8 +76,8 @@ tl::unexpected<Error> FailForGood(std::string sentence) {
 
 /// The error for a damaged section of the file at `path`.
 tl::unexpected<Error> Damaged(const std::string& path, const SectionEntry& entry, const char* how) {
-  return Fail(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path,
-                          TypeName(entry.type), entry.offset, how));
+  return FailForGood(fmt::format("{}: section {} at byte {} is damaged ({}); make the store again", path,
+                                 TypeName(entry.type), entry.offset, how));
 }
 
 Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& entry,
@@ -110,7 +110,8 @@ Status StoreReader::ReadHeader() {
   Bytes bytes(std::min(kStoreHeaderBytes, file_->size()));
   QUARRY_TRY(file_->ReadAt(0, bytes));
   QUARRY_ASSIGN(const StoreHeader header, DecodeStoreHeader(bytes, path()));
-  if (header.file_size != file_->size()) return Fail(WrongSizeText(path(), file_->size(), header.file_size));
+  if (header.file_size != file_->size())
+    return FailForGood(WrongSizeText(path(), file_->size(), header.file_size));
   id_ = header.id;
   Bytes table(header.table_bytes());
   QUARRY_TRY(file_->ReadAt(kStoreHeaderBytes, table));
@@ -181,22 +182,23 @@ Result<std::vector<SectionEntry>> StoreReader::ReadTable(std::span<const std::by
     in.Get<uint64_t>();  // reserved
     const KnownSection* const known = Known(e.type);
     if (e.offset != end || e.size > file_->size() - e.offset)
-      return Fail(fmt::format("{}: section {} is not where it should be", path(), TypeName(e.type)));
+      return FailForGood(fmt::format("{}: section {} is not where it should be", path(), TypeName(e.type)));
     end = e.offset + e.size;
     if (!known && (e.flags & kSectionCritical))
-      return Fail(fmt::format("{}: needs a newer program: section {} is unknown to this one", path(),
-                              TypeName(e.type)));
+      return FailForGood(fmt::format("{}: needs a newer program: section {} is unknown to this one", path(),
+                                     TypeName(e.type)));
     if (known && e.size > known->most)
       return Fail(
           fmt::format("{}: section {} claims {} bytes, more than the {} that it may have; make the "
                       "store again",
                       path(), TypeName(e.type), e.size, known->most));
     if (known && std::ranges::find(entries, e.type, &SectionEntry::type) != entries.end())
-      return Fail(fmt::format("{}: has two sections {}; make the store again", path(), TypeName(e.type)));
+      return FailForGood(
+          fmt::format("{}: has two sections {}; make the store again", path(), TypeName(e.type)));
     entries.push_back(e);
   }
   if (end != file_->size())
-    return Fail(fmt::format("{}: {} bytes after the last section", path(), file_->size() - end));
+    return FailForGood(fmt::format("{}: {} bytes after the last section", path(), file_->size() - end));
   return entries;
 }
 
@@ -229,13 +231,13 @@ Status StoreReader::ReadSections(std::span<const std::byte> table, uint32_t coun
   names_ = std::make_unique<StoreNames>(*file_, parts, strings);
   part_sections_ = std::make_unique<PartSections>(*file_, *names_, of_parts);
   auto catalog = DecodeCatalog(id_, catalog_sections_, {pages_begin_, pages_end_});
-  if (!catalog) return Fail(fmt::format("{}: {}", path(), catalog.error().message));
+  if (!catalog) return FailForGood(fmt::format("{}: {}", path(), catalog.error().message));
   catalog_ = std::move(*catalog);
   for (uint32_t m = 0; m < catalog_.materials.size(); ++m)
     for (const TextureBinding& binding : catalog_.materials[m].textures)
       material_textures_.push_back({m, binding});
   const Status decoded = DecodeViews(views);
-  if (!decoded) return Fail(fmt::format("{}: {}", path(), decoded.error().message));
+  if (!decoded) return FailForGood(fmt::format("{}: {}", path(), decoded.error().message));
   return {};
 }
 

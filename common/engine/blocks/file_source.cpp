@@ -7,8 +7,9 @@
 
 namespace quarry {
 
-FileVoxelSource::FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store)
-    : executor_(std::move(executor)), store_(std::move(store)) {
+FileVoxelSource::FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store,
+                                 std::function<void()> on_no_memory)
+    : executor_(std::move(executor)), store_(std::move(store)), reads_(std::move(on_no_memory)) {
   // Fewer threads read more slowly, and none cannot.
   try {
     for (unsigned i = 0; i < kThreads; ++i) threads_.emplace_back([this] { reads_.Run(); });

@@ -18,8 +18,9 @@ class FileVoxelSource final : public VoxelSource {
   /// judgement: an SSD is near its full rate with a few reads.
   static constexpr unsigned kThreads = 4;
   /// `executor` posts to the loader's thread, where callbacks run and where the source must be destroyed; no
-  /// callback runs afterwards.
-  FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store);
+  /// callback runs afterwards. `on_no_memory`: as TaskQueue's, of a block that is then never delivered.
+  FileVoxelSource(Executor executor, std::shared_ptr<const StoreReader> store,
+                  std::function<void()> on_no_memory = {});
   ~FileVoxelSource() override;
   void Fetch(BlockKey block, Done done) override;
   const StoreReader& store() const { return *store_; }

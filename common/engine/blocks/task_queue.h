@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <new>
 #include <utility>
 
 namespace quarry {
@@ -14,6 +15,10 @@ using Executor = std::function<void(std::function<void()>)>;
 /// A queue of functions for one or several threads to run. Thread-safe.
 class TaskQueue {
  public:
+  /// `on_no_memory`: called on the thread of a task that throws std::bad_alloc, which is lost; it must not
+  /// allocate. Null: the exception goes on.
+  explicit TaskQueue(std::function<void()> on_no_memory = {}) : on_no_memory_(std::move(on_no_memory)) {}
+
   void Post(std::function<void()> task) {
     {
       const std::lock_guard lock(mutex_);
@@ -29,7 +34,7 @@ class TaskQueue {
       const std::function<void()> task = std::move(tasks_.front());
       tasks_.pop_front();
       lock.unlock();
-      task();
+      Do(task);
       lock.lock();
     }
   }
@@ -43,6 +48,16 @@ class TaskQueue {
   }
 
  private:
+  void Do(const std::function<void()>& task) const {
+    try {
+      task();
+    } catch (const std::bad_alloc&) {
+      if (!on_no_memory_) throw;
+      on_no_memory_();
+    }
+  }
+
+  const std::function<void()> on_no_memory_;
   std::mutex mutex_;  ///< guards all below
   std::condition_variable changed_;
   std::deque<std::function<void()>> tasks_;

@@ -1,10 +1,12 @@
 #include "common/engine/sources/ray_list.h"
 
 #include <algorithm>
-#include <glm/geometric.hpp>
+#include <array>
+#include <span>
 #include <utility>
 
 #include "common/scene/camera.h"
+#include "common/scene/view_basis.h"
 
 namespace quarry {
 
@@ -16,7 +18,7 @@ void RayList::Open(RayPart part, const SceneMeta& scene) {
 
 TracedRay RayOfQuery(const RayQuery& query, const SceneMeta& scene) {
   const glm::vec3 &lower = scene.root_lower, &upper = scene.root_upper;
-  const glm::dvec3 direction = glm::normalize(query.direction);
+  const glm::dvec3 direction = Unit(query.direction);  // as cameras'
   const BoxSpan span = SpanInBox(query.origin, direction, lower, upper);
   TracedRay traced;
   traced.start = IsWithinReach(query.origin, lower, upper) ? 0 : span.enter;
@@ -39,12 +41,14 @@ RaySource::Lanes RayList::Next(uint64_t /*free*/, SamplePacket& s, RayPacket& ra
   std::fill_n(s.sample, RayPacket::kRays, 0u);
   std::fill_n(s.next_light, RayPacket::kRays, 0u);
   std::fill_n(s.depth_cell, RayPacket::kRays, uint16_t{0});
+  std::array<RayQuery, RayPacket::kRays> queries;
+  part_.rays->Read(part_.first + next_, std::span(queries).first(count));
   Lanes lanes;
   for (uint32_t i = 0; i < count; ++i, ++next_) {
-    const auto [ray, start, misses] = RayOfQuery((*part_.list)[part_.first + next_], *scene_);
+    const auto [ray, start, misses] = RayOfQuery(queries[i], *scene_);
     rays.Set(i, ray);
     s.pixel[i] = static_cast<uint16_t>(next_);
-    s.image_pixel[i] = part_.first + next_;
+    s.image_pixel[i] = static_cast<uint32_t>(part_.first + next_);
     s.t_offset[i] = part_.from_origin ? static_cast<float>(start) : 0;
     s.t_end[i] = ray.t_max;
     (misses ? lanes.missing_box : lanes.in_box) |= uint64_t{1} << i;

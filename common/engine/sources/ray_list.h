@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <vector>
 
 #include "common/engine/sources/ray_source.h"
 #include "common/scene/ray_query.h"
@@ -10,10 +9,11 @@
 
 namespace quarry {
 
-/// A part of a list of rays that is traced as a whole.
+/// A part of an array of rays that is traced as a whole.
 struct RayPart {
-  std::shared_ptr<const std::vector<RayQuery>> list;
-  uint32_t first = 0, count = 0;
+  std::shared_ptr<const RayArray> rays;
+  size_t first = 0;
+  uint32_t count = 0;
   RayGoal goal = RayGoal::kNearest;
   bool from_origin = true;  ///< hits' t counts from the queries' origins; else from the traced rays'
 };

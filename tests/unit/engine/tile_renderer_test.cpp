@@ -97,7 +97,7 @@ class Bench {
     auto context = std::make_shared<ViewContext>(View(), row_.scene->catalog(), nullptr,
                                                  std::make_shared<const NearestHits>());
     renderer.Open(std::move(context),
-                  RayPart{std::make_shared<const std::vector<RayQuery>>(std::move(rays)), 0, count});
+                  RayPart{std::make_shared<const RayVector>(std::move(rays)), 0, count});
     return Finish();
   }
   RenderedTile Finish() {
