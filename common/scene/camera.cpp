@@ -28,7 +28,7 @@ Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const gl
 /// Selects instead of branching, so that a loop of it becomes vector instructions.
 template <bool kOrthographic, bool kClip>
 inline PrimaryRay Camera::ShootAs(double x, double y) const {
-  const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
+  const glm::dvec3 across = AcrossOf(view_, x, y, width_, height_);
   const glm::dvec3 origin = kOrthographic ? view_.eye + across : view_.eye;
   const glm::dvec3 direction = kOrthographic ? view_.forward : Unit(view_.forward + across);
   if constexpr (!kClip) return {glm::vec3(origin), glm::vec3(direction), 0, false};
@@ -51,7 +51,7 @@ PrimaryRay Camera::Shoot(double x, double y) const {
 
 RayQuery Camera::Query(double x, double y) const {
   if (view_.orthographic) return {glm::dvec3(Shoot(x, y).origin), view_.forward};
-  const glm::dvec3 across = view_.right * (x - width_ / 2) + view_.down * (y - height_ / 2);
+  const glm::dvec3 across = AcrossOf(view_, x, y, width_, height_);
   return {view_.eye, Unit(view_.forward + across)};
 }
 

@@ -40,4 +40,9 @@ inline ViewBasis MakeViewBasis(const CameraSpec& spec, uint32_t height) {
   return view;
 }
 
+/// The step from the middle of an image of `width` x `height` pixels to the position (x, y), at distance 1.
+inline glm::dvec3 AcrossOf(const ViewBasis& view, double x, double y, double width, double height) {
+  return view.right * (x - width / 2) + view.down * (y - height / 2);
+}
+
 }  // namespace quarry

@@ -63,6 +63,13 @@ Status Limit(const std::string& text) {
   return bytes ? Shrink(bytes) : Status{};
 }
 
+/// Prints the path of a model's kept store, which is made if there is none.
+Status Add(const std::string& model, bool quiet) {
+  QUARRY_ASSIGN(const std::string store, StoreFor(model, {}, quiet));
+  PrintRaw(store + "\n");
+  return {};
+}
+
 }  // namespace
 
 void AddCacheCommands(CLI::App& c, CacheArguments& a) {
@@ -70,9 +77,14 @@ void AddCacheCommands(CLI::App& c, CacheArguments& a) {
   c.footer(
       "A model that is rendered is made into a store, which is kept in $QUARRY_CACHE_DIR, else "
       "$XDG_CACHE_HOME/quarry, else ~/.cache/quarry.\n"
-      "Examples:\n  quarry cache list\n  quarry cache limit 20G\n  quarry cache clear");
+      "Examples:\n  quarry cache list\n  quarry cache add plant.ply\n  quarry cache limit 20G\n  quarry "
+      "cache clear");
   auto* list = c.add_subcommand("list", "List the kept stores, the least recently used first");
   list->add_flag("--json", a.json, "As JSON");
+  auto* add =
+      c.add_subcommand("add", "Make the store of a model, or find the one that is kept, and print its path");
+  add->add_option("model", a.model, "The model")->required();
+  add->add_flag("--quiet", a.quiet, "No progress");
   auto* limit = c.add_subcommand(
       "limit", "Print or set the limit of bytes kept; the least recently used stores are removed first");
   limit->add_option("bytes", a.limit, "A size such as 20G, or none");
@@ -81,6 +93,7 @@ void AddCacheCommands(CLI::App& c, CacheArguments& a) {
 
 Status RunCacheCommand(const CLI::App& c, const CacheArguments& a) {
   if (c.got_subcommand("list")) return List(a.json);
+  if (c.got_subcommand("add")) return Add(a.model, a.quiet);
   return c.got_subcommand("limit") ? Limit(a.limit) : Shrink(0);
 }
 

@@ -12,11 +12,11 @@ namespace quarry {
 
 /// The arguments of `quarry cache`, as given.
 struct CacheArguments {
-  std::string limit;
-  bool json = false;
+  std::string limit, model;
+  bool json = false, quiet = false;
 };
 
-/// Adds the commands list, limit and clear to `command`. Requires: `arguments` outlives the parsing.
+/// Adds the commands list, add, limit and clear to `command`. Requires: `arguments` outlives the parsing.
 void AddCacheCommands(CLI::App& command, CacheArguments& arguments);
 
 /// Runs the parsed command. Errors: usage; the cache folder cannot be read or written.

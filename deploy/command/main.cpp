@@ -25,6 +25,7 @@
 #include "deploy/command/model_cache.h"
 #include "deploy/command/parts_command.h"
 #include "deploy/command/query.h"
+#include "deploy/command/rays/rays_command.h"
 #include "deploy/command/render_command.h"
 #include "deploy/command/slurm/slurm_command.h"
 #include "deploy/command/view_command.h"
@@ -124,7 +125,8 @@ int Main(int argc, char** argv) {
       "  quarry render plant.ply -o plant.png --mode whitted --workers 3\n"
       "  quarry render plant.quarry -o walk.png --camera-path plant.path.json --frames 0-59\n"
       "  quarry view plant.quarry --open\n"
-      "  quarry info plant.quarry --json\n  quarry info plant.quarry --parts --find valve\n  quarry verify "
+      "  quarry info plant.quarry --json\n  quarry info plant.quarry --parts --find valve\n  quarry rays "
+      "plant.quarry -o hits.npy < rays.npy\n  quarry verify "
       "s3://models/plant.quarry\n  quarry cache list\n"
       "  quarry status --master 10.0.0.1:9000\n"
       "  quarry cluster --slurm -N 4 plant.quarry -- -o walk.png --camera-path walk.json\n"
@@ -151,6 +153,9 @@ int Main(int argc, char** argv) {
       ->needs(of_parts);
   info->add_flag("--textures", textures, "The textures: shapes, bytes, and the materials that use them")
       ->excludes(of_parts);
+  RaysArguments rays;
+  auto* const rays_command = app.add_subcommand("rays", "Answer rays of an .npy file: hits, shade, counts");
+  AddRaysOptions(*rays_command, rays);
   auto* verify = app.add_subcommand("verify", "Read and check every byte of a store");
   verify->add_option("scene", scene, "The store: a file, or https://... or s3://BUCKET/KEY")->required();
   AddRemoteOptions(*verify, remote);
@@ -176,6 +181,7 @@ int Main(int argc, char** argv) {
   return ExitStatus(app.got_subcommand("render")    ? Render(render)
                     : app.got_subcommand("view")    ? ShowLive(view)
                     : app.got_subcommand("info")    ? PrintInfoOf(scene, json, parts, find, textures, remote)
+                    : app.got_subcommand("rays")    ? RunRays(rays)
                     : app.got_subcommand("status")  ? ShowStatus(master, security, json)
                     : app.got_subcommand("cluster") ? RunClusterCommand(cluster_arguments)
                     : app.got_subcommand("cache")   ? RunCacheCommand(*cache_command, cache)

@@ -45,9 +45,7 @@ std::shared_ptr<const PartSelection> HideEveryThird(const LoadedScene& scene, si
 /// The rays as the renderer makes them of queries.
 RayPacket PacketOf(const std::vector<RayQuery>& rays, size_t first, const SceneMeta& meta) {
   RayList list;
-  list.Open(
-      {std::make_shared<const std::vector<RayQuery>>(rays), static_cast<uint32_t>(first), RayPacket::kRays},
-      meta);
+  list.Open({std::make_shared<const RayVector>(rays), first, RayPacket::kRays}, meta);
   RayPacket packet;
   SamplePacket samples;
   list.Next(~uint64_t{0}, samples, packet);

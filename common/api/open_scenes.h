@@ -1,0 +1,43 @@
+#pragma once
+
+#include <unistd.h>
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "common/api/open_scene.h"
+
+namespace quarry::api {
+
+/// The scenes that this process has open, by handle. Handles are numbers, never given twice, so that a stale
+/// one is noticed. Thread-safe.
+class OpenScenes {
+ public:
+  enum class Known { kOpen, kNotOpen, kOfParent };
+  struct Found {
+    Known known;
+    std::shared_ptr<OpenScene> scene;  ///< of kOpen
+  };
+
+  /// Those of the calling process. After fork() the child begins with none and touches nothing of its
+  /// parent's, whose locks may be held by threads that the child lacks.
+  static OpenScenes& OfThisProcess();
+  quarry_scene* Add(std::shared_ptr<OpenScene> scene);
+  Found Find(quarry_scene* handle);
+  /// The same, and forgets the scene.
+  Found Take(quarry_scene* handle);
+
+ private:
+  explicit OpenScenes(uintptr_t first) : first_(first), next_(first) {}
+  Known StateOf(uintptr_t number) const;
+
+  const pid_t process_ = ::getpid();
+  const uintptr_t first_;  ///< the parent's handles are below
+  std::mutex mutex_;       ///< guards all below
+  std::atomic<uintptr_t> next_;
+  std::map<uintptr_t, std::shared_ptr<OpenScene>> scenes_;
+};
+
+}  // namespace quarry::api
