@@ -1,4 +1,4 @@
-# The files that `cmake --install` installs, and their places. Components: programs, cad, services, documentation, benchmarks.
+# The files that `cmake --install` installs, and their places. Components: programs, cad, library, development, python, services, documentation, benchmarks.
 include(${CMAKE_CURRENT_LIST_DIR}/man_pages.cmake)
 set(PACKAGES ${CMAKE_CURRENT_LIST_DIR})
 
@@ -13,6 +13,22 @@ endforeach()
 if(TARGET quarry-import-cad)
   install(TARGETS quarry-import-cad RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT cad)
 endif()
+
+# libquarry, for programs: the library, what compilers need, and the Python package. pkg-config and CMake find it by files that may be moved with it.
+include(CMakePackageConfigHelpers)
+set(API ${CMAKE_SOURCE_DIR}/common/api)
+set(QUARRY_CMAKE_DIR ${CMAKE_INSTALL_LIBDIR}/cmake/Quarry)
+file(RELATIVE_PATH PC_TO_PREFIX /prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig /prefix)
+configure_file(${API}/quarry.pc.in ${CMAKE_BINARY_DIR}/api/quarry.pc @ONLY)
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/api/QuarryConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(TARGETS quarry_shared EXPORT QuarryTargets LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT library NAMELINK_COMPONENT development)
+install(EXPORT QuarryTargets FILE QuarryConfig.cmake NAMESPACE Quarry:: DESTINATION ${QUARRY_CMAKE_DIR} COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/api/QuarryConfigVersion.cmake DESTINATION ${QUARRY_CMAKE_DIR} COMPONENT development)
+install(FILES ${CMAKE_BINARY_DIR}/api/quarry.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
+install(FILES ${API}/quarry.h ${API}/quarry.hpp DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
+install(FILES ${API}/examples/sight.c DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/libquarry-dev/examples COMPONENT development)
+install(DIRECTORY ${API}/python/quarry DESTINATION lib/python3/dist-packages COMPONENT python PATTERN __pycache__ EXCLUDE)
+install(DIRECTORY ${API}/python/examples/ DESTINATION ${CMAKE_INSTALL_DATAROOTDIR}/doc/python3-quarry/examples COMPONENT python PATTERN __pycache__ EXCLUDE)
 
 # bash-completion looks for a file by the name of the command.
 set(COMPLETIONS ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)

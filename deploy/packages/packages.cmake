@@ -1,4 +1,4 @@
-# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry has the programs, quarry-cad the reader of STEP and IGES with its large library, quarry-bench the benchmarks, if they are built (with the tests).
+# Debian packages: `cpack --config build/release/CPackConfig.cmake -B build/release`. quarry has the programs, quarry-cad the reader of STEP and IGES with its large library, libquarry0, libquarry-dev and python3-quarry the rays for other programs, quarry-bench the benchmarks, if they are built (with the tests).
 # The packages' maintainer is the person named by DEBFULLNAME and DEBEMAIL, as for Debian's own tools.
 set(packer "Quarry maintainers <maintainers@localhost>")
 if(DEFINED ENV{DEBFULLNAME} AND DEFINED ENV{DEBEMAIL})
@@ -14,13 +14,14 @@ configure_file(${DEBIAN}/changelog.in ${DEBIAN_MADE}/changelog @ONLY)
 find_program(GZIP gzip REQUIRED)
 execute_process(COMMAND ${GZIP} -9nc ${DEBIAN_MADE}/changelog OUTPUT_FILE ${DEBIAN_MADE}/changelog.Debian.gz COMMAND_ERROR_IS_FATAL ANY)
 execute_process(COMMAND ${GZIP} -9nc ${CMAKE_SOURCE_DIR}/CHANGELOG.md OUTPUT_FILE ${DEBIAN_MADE}/changelog.gz COMMAND_ERROR_IS_FATAL ANY)
-foreach(package quarry quarry-bench quarry-cad)
-  set(component documentation)
-  if(package STREQUAL "quarry-bench")
-    set(component benchmarks)
-  elseif(package STREQUAL "quarry-cad")
-    set(component cad)
-  endif()
+set(component_of_quarry documentation)
+set(component_of_quarry-bench benchmarks)
+set(component_of_quarry-cad cad)
+set(component_of_libquarry0 library)
+set(component_of_libquarry-dev development)
+set(component_of_python3-quarry python)
+foreach(package quarry quarry-bench quarry-cad libquarry0 libquarry-dev python3-quarry)
+  set(component ${component_of_${package}})
   set(docs ${CMAKE_INSTALL_DATAROOTDIR}/doc/${package})
   install(FILES ${DEBIAN}/copyright ${DEBIAN_MADE}/changelog.Debian.gz ${DEBIAN_MADE}/changelog.gz DESTINATION ${docs} COMPONENT ${component})
   if(EXISTS ${DEBIAN}/${package}.overrides)
@@ -36,7 +37,7 @@ set(CPACK_STRIP_FILES ON)
 set(CPACK_VERBATIM_VARIABLES ON)
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
 set(CPACK_DEB_COMPONENT_INSTALL ON)
-set(CPACK_COMPONENTS_ALL programs services documentation)
+set(CPACK_COMPONENTS_ALL programs services documentation library development python)
 if(TARGET quarry-bench-kernels)
   list(APPEND CPACK_COMPONENTS_ALL benchmarks)
 endif()
@@ -78,11 +79,33 @@ set(CPACK_DEBIAN_CAD_DESCRIPTION "STEP and IGES for the Quarry ray tracer
 The program by which quarry-preprocess makes triangles of exact surfaces.
 It links Open CASCADE, 390 MB with what it needs, which machines that
 only render do without.")
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_NAME libquarry0)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_SECTION libs)
+set(CPACK_DEBIAN_LIBRARY_PACKAGE_CONTROL_EXTRA ${DEBIAN}/triggers)
+set(CPACK_DEBIAN_LIBRARY_DESCRIPTION "rays through triangle models larger than memory
+The library by which programs ask Quarry's scenes for the hits of rays:
+nearest, any, how many and all. Voxels are read when rays need them, into
+a cache of fixed size.")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libquarry-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "rays through triangle models larger than memory, for C and C++
+Headers, the link by which compilers find libquarry, and its files for
+pkg-config and CMake.")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-quarry)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_ARCHITECTURE all)
+set(CPACK_DEBIAN_PYTHON_DESCRIPTION "rays through triangle models larger than memory, for Python
+The package quarry: scenes, and the hits of arrays of rays, by the names
+and shapes of Open3D's RaycastingScene.")
 
 include(CPack)
 cpack_add_component_group(quarry)
 cpack_add_component_group(bench)
 cpack_add_component_group(cad)
+foreach(component library development python)
+  cpack_add_component_group(${component})
+  cpack_add_component(${component} GROUP ${component})
+endforeach()
 foreach(component programs services documentation)
   cpack_add_component(${component} GROUP quarry)
 endforeach()
