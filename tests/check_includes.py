@@ -20,6 +20,8 @@ MUST_NOT = [
     ("common/kdtree/build/", r"common/kdtree/(trace/|kernels)", "building a tree needs no kernel"),
     ("common/math/", r"boost/|common/(net|protocol|voxel)/", "mathematics stands alone"),
     ("common/protocol/", r"boost/|common/kdtree/|common/net/", "the protocol is bytes only"),
+    ("(?!common/api/|deploy/command/rays/|tests/)", r"common/api/", "programs of Quarry's own use the engine; rays are asked for by quarry.h"),
+    ("common/api/", r"common/(net|http|protocol|program|command_line)/|CLI/|boost/", "the library links what the engine and stores on servers need, and no more"),
     ("common/engine/", r"common/net/|openssl/|boost/beast", "the engine uses no socket"),
     ("common/engine/rays/", r"common/scene/|common/engine/(?!rays/|blocks/)", "rays use no camera, no material and no pixel"),
     ("common/engine/sources/", r"common/engine/(surfaces|integrators|film|blocks)/", "sources only make rays"),

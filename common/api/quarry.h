@@ -107,7 +107,7 @@ typedef struct quarry_description {
   uint64_t decoded_bytes;       /* a cache of this size holds the whole scene */
   uint64_t largest_block_bytes; /* the least cache */
 } quarry_description;
-#define QUARRY_DESCRIPTION_INIT {sizeof(quarry_description)}
+#define QUARRY_DESCRIPTION_INIT {sizeof(quarry_description), {0, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0, 0, 0}
 /* Errors: ARGUMENT, FORKED, PROCESSOR. */
 QUARRY_API quarry_status quarry_describe(quarry_scene *scene, quarry_description *description);
 
@@ -138,7 +138,7 @@ typedef struct quarry_rays {
   ptrdiff_t t_stride;     /* bytes from one ray to the next in these two arrays; 0: one number */
   uint64_t tag;           /* for quarry_cancel() */
 } quarry_rays;
-#define QUARRY_RAYS_INIT {sizeof(quarry_rays)}
+#define QUARRY_RAYS_INIT {sizeof(quarry_rays), 0, QUARRY_FLOAT64, 0, NULL, NULL, 0, NULL, NULL, 0, 0}
 
 /* Where a call writes its hits: arrays of the caller, packed, one entry for each hit. Those that are NULL are left
    out; `part`, `material` and `normal` cost a second look at the scene's blocks. */
@@ -151,7 +151,7 @@ typedef struct quarry_hits {
   uint32_t *material;
   float *normal; /* three: unit, by the winding of the triangle, whichever side is hit; 0 where there is no hit */
 } quarry_hits;
-#define QUARRY_HITS_INIT {sizeof(quarry_hits)}
+#define QUARRY_HITS_INIT {sizeof(quarry_hits), NULL, NULL, NULL, NULL, NULL, NULL}
 
 /* The four asks. Errors of each: ARGUMENT, SOURCE, DATA, MEMORY, CANCELLED, FORKED, PROCESSOR. */
 
@@ -192,7 +192,7 @@ typedef struct quarry_statistics {
   double compute_seconds;           /* processor time of the compute threads */
   double stall_seconds;             /* of compute threads that waited for blocks */
 } quarry_statistics;
-#define QUARRY_STATISTICS_INIT {sizeof(quarry_statistics)}
+#define QUARRY_STATISTICS_INIT {sizeof(quarry_statistics), 0, 0, 0, 0, 0, 0, 0, 0}
 /* Errors: ARGUMENT, FORKED, PROCESSOR. */
 QUARRY_API quarry_status quarry_measure(quarry_scene *scene, quarry_statistics *statistics);
 

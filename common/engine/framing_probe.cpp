@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/engine/ask_rays.h"
 #include "common/engine/framing_bulk.h"
 #include "common/engine/renderer.h"
 #include "common/math/elementary.h"
@@ -46,7 +47,7 @@ class Prober {
                                         const glm::dvec3& up, double degrees, uint32_t across, bool sides) {
     std::vector<RayQuery> rays(size_t{across} * across);
     for (size_t i = 0; i < rays.size(); ++i) rays[i] = {eye, Direction(i, across, forward, up, degrees)};
-    QUARRY_ASSIGN(const std::vector<Hit> hits, renderer_->Trace(rays, RayGoal::kNearest));
+    QUARRY_ASSIGN(const std::vector<Hit> hits, HitsOf(*renderer_, rays, RayGoal::kNearest));
     std::vector<ProbedPoint> points(hits.size());
     for (size_t i = 0; i < hits.size(); ++i) {
       if (hits[i].triangle == kNoTriangle) continue;

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <mutex>
 #include <new>
 #include <shared_mutex>
@@ -141,14 +140,9 @@ Status Renderer::Render(const View& view, std::span<const Tile> tiles, const OnT
   return Run(view, std::move(integrator), tiles.size(), queue, on_tile, std::move(stop));
 }
 
-Result<std::vector<Hit>> Renderer::Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop,
-                                         const View& view) {
-  QUARRY_ASSIGN(RayAnswers answers,
-                Ask(std::move(rays), {.goal = goal, .from_origin = true}, std::move(stop), view));
-  return std::move(answers.hits);
-}
-
 namespace {
+
+tl::unexpected<Error> NoMemoryError() { return tl::unexpected<Error>(Error{kNoMemory, ErrorKind::kMemory}); }
 
 /// The rays of a caller. Threads that have not heard of a call's end read others once they are taken back.
 class LentRays final : public RayArray {
@@ -162,10 +156,19 @@ class LentRays final : public RayArray {
       std::ranges::fill(out, RayQuery{});
   }
   Status Check(size_t first, size_t count) const override { return rays_->Check(first, count); }
-  void TakeBack() {
-    const std::unique_lock lock(mutex_);
-    rays_ = nullptr;
-  }
+  /// Takes the rays back at its end.
+  class Loan {
+   public:
+    explicit Loan(std::shared_ptr<LentRays> rays) : rays_(std::move(rays)) {}
+    ~Loan() {
+      const std::unique_lock lock(rays_->mutex_);
+      rays_->rays_ = nullptr;
+    }
+    Loan(const Loan&) = delete;
+
+   private:
+    const std::shared_ptr<LentRays> rays_;
+  };
 
  private:
   mutable std::shared_mutex mutex_;
@@ -194,6 +197,7 @@ std::vector<size_t> PartsOf(size_t count, std::span<const uint64_t> splits) {
 Status Renderer::Ask(const RayArray& rays, size_t count, const RayAsk& ask, const OnRays& on_rays,
                      std::stop_token stop, const View& view) {
   const auto lent = std::make_shared<LentRays>(rays);
+  const LentRays::Loan loan(lent);
   const bool surfaces = ask.surfaces && (ask.goal == RayGoal::kAll || ask.goal == RayGoal::kNearest);
   const std::vector<size_t> first = PartsOf(count, ask.splits);
   const auto queue = [&](uint64_t number, size_t i, Engine::OnTile done) -> Status {
@@ -204,53 +208,32 @@ Status Renderer::Ask(const RayArray& rays, size_t count, const RayAsk& ask, cons
     return {};
   };
   const OnTile deliver = [&](size_t i, const RenderedTile& result, Progress) { on_rays(first[i], result); };
-  const Status outcome = Run(view, IntegratorOf(ask.goal, surfaces, ask.rule), first.size() - 1, queue,
-                             deliver, std::move(stop));
-  lent->TakeBack();
-  return outcome;
+  return Run(view, IntegratorOf(ask.goal, surfaces, ask.rule), first.size() - 1, queue, deliver,
+             std::move(stop));
 }
 
-Result<Renderer::RayAnswers> Renderer::Ask(std::vector<RayQuery> rays, const RayAsk& ask,
-                                           std::stop_token stop, const View& view) {
-  if (rays.size() > kMostRaysOfCall) return BadUsage(fmt::format("more than {} rays", kMostRaysOfCall));
-  const bool all = ask.goal == RayGoal::kAll, one_each = !all && ask.goal != RayGoal::kCount;
-  const size_t count = rays.size();
-  const RayVector array(std::move(rays));
-  QUARRY_TRY(array.Check(0, count));
-  RayAnswers answers;
-  if (one_each) answers.hits.resize(count);
-  if (one_each && ask.surfaces && ask.goal == RayGoal::kNearest) answers.surfaces.resize(count);
-  if (!one_each) answers.counts.resize(count);
-  std::map<size_t, RenderedTile> of_parts;  // with kAll, by first ray
-  const OnRays keep = [&](size_t at, const RenderedTile& result) {
-    const auto first = static_cast<std::ptrdiff_t>(at);
-    std::ranges::copy(result.counts, answers.counts.begin() + (one_each ? 0 : first));
-    if (all) {
-      of_parts[at] = result;
-    } else if (one_each) {
-      std::ranges::copy(result.hits, answers.hits.begin() + first);
-      std::ranges::copy(result.surfaces, answers.surfaces.begin() + (answers.surfaces.empty() ? 0 : first));
-    }
-  };
-  QUARRY_TRY(Ask(array, count, ask, keep, std::move(stop), view));
-  size_t hits = 0, surfaces = 0;
-  for (const auto& [first, of_part] : of_parts)
-    hits += of_part.hits.size(), surfaces += of_part.surfaces.size();
-  answers.hits.reserve(answers.hits.size() + hits);
-  answers.surfaces.reserve(answers.surfaces.size() + surfaces);
-  for (auto& [first, of_part] : of_parts) {
-    answers.hits.insert(answers.hits.end(), of_part.hits.begin(), of_part.hits.end());
-    answers.surfaces.insert(answers.surfaces.end(), of_part.surfaces.begin(), of_part.surfaces.end());
-    of_part = {};
+/// Ends a call however Run() is left.
+class Renderer::CallEnder {
+ public:
+  CallEnder(Renderer& renderer, std::shared_ptr<Call> call, uint64_t view)
+      : renderer_(renderer), call_(std::move(call)), view_(view) {}
+  ~CallEnder() {
+    renderer_.engine_->DropViews(view_, view_ + 1);
+    const std::lock_guard lock(renderer_.mutex_);
+    renderer_.calls_.erase(call_);
   }
-  return answers;
-}
+  CallEnder(const CallEnder&) = delete;
+
+ private:
+  Renderer& renderer_;
+  const std::shared_ptr<Call> call_;
+  const uint64_t view_;
+};
 
 /// Announces a view, queues its parts and waits until all are done.
 Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
                      const std::function<Status(uint64_t, size_t, std::function<void(RenderedTile)>)>& queue,
                      const OnTile& on_tile, std::stop_token stop) {
-  const tl::unexpected<Error> no_memory(Error{kNoMemory, ErrorKind::kMemory});
   const auto call = std::make_shared<Call>();
   call->on_tile = &on_tile;
   call->progress.all = static_cast<uint32_t>(parts);
@@ -259,10 +242,11 @@ Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integra
   {
     const std::lock_guard lock(mutex_);
     if (failure_) return tl::unexpected<Error>(*failure_);
-    if (no_memory_) return no_memory;
+    if (no_memory_) return NoMemoryError();
     number = next_view_++;
     calls_.insert(call);
   }
+  const CallEnder ender(*this, call, number);
   try {
     engine_->SetView(number, view, std::move(integrator));
     for (size_t i = 0; i < parts && !stop.stop_requested(); ++i) {
@@ -276,23 +260,15 @@ Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integra
     const std::lock_guard lock(call->mutex);
     call->no_memory = true;
   }
-  Status outcome;
-  {
-    std::unique_lock lock(call->mutex);
-    call->changed.wait(lock, [&] {
-      const bool over = call->error || call->no_memory || call->progress.done == call->progress.all;
-      return over && !call->delivering;
-    });
-    call->on_tile = nullptr;
-    if (call->error)
-      outcome = tl::unexpected<Error>(std::move(*call->error));
-    else if (call->no_memory)
-      outcome = no_memory;
-  }
-  engine_->DropViews(number, number + 1);
-  const std::lock_guard lock(mutex_);
-  calls_.erase(call);
-  return outcome;
+  std::unique_lock lock(call->mutex);
+  call->changed.wait(lock, [&] {
+    const bool over = call->error || call->no_memory || call->progress.done == call->progress.all;
+    return over && !call->delivering;
+  });
+  call->on_tile = nullptr;
+  if (call->error) return tl::unexpected<Error>(std::move(*call->error));
+  if (call->no_memory) return NoMemoryError();
+  return {};
 }
 
 void Renderer::SetView(uint64_t number, const View& view) { engine_->SetView(number, view); }

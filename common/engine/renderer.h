@@ -85,13 +85,6 @@ class Renderer {
   /// `integrator`: one that needs pixels, or null for the one of the view's mode.
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
-  /// Traces rays. Returns one hit for each, in their order: the nearest by (t, triangle), or with kAny some
-  /// hit, of which only `t` and `triangle` are known; `triangle` is kNoTriangle where there is none. `t` is
-  /// the distance from the ray's origin, in scene units. Holes of triangles are no hits; glass is. Of `view`
-  /// the parts and the section count.
-  /// Errors (usage): CheckRay(); more than kMostRaysOfCall. Else as Render()'s.
-  Result<std::vector<Hit>> Trace(std::vector<RayQuery> rays, RayGoal goal, std::stop_token stop = {},
-                                 const View& view = {});
   /// A question to the rays of a list.
   struct RayAsk {
     RayGoal goal = RayGoal::kNearest;
@@ -104,24 +97,14 @@ class Renderer {
     /// hits are then traced in smaller parts. Empty, or one more than the rays.
     std::span<const uint64_t> splits = {};
   };
-  struct RayAnswers {
-    /// One a ray. With kAll all hits of the first ray, then those of the second, and so on; with kCount none.
-    std::vector<Hit> hits;
-    std::vector<uint32_t> counts;      ///< with kCount and kAll: the number of each ray's hits
-    std::vector<HitSurface> surfaces;  ///< of the hits, if asked for
-  };
-  /// Traces rays as `ask` says. Of `view` the parts and the section count, but no caps are made. Memory: the
-  /// answers, with kAll twice. Else as Trace().
-  Result<RayAnswers> Ask(std::vector<RayQuery> rays, const RayAsk& ask, std::stop_token stop = {},
-                         const View& view = {});
   /// The answers of consecutive rays, the first of them of number `first`: `hits`, `counts` and `surfaces`.
   using OnRays = std::function<void(size_t first, const RenderedTile& of_rays)>;
-  /// The same, without a copy of rays and answers. `on_rays` is called as Render()'s `on_tile`, for all rays
-  /// in parts of any order. Compute threads read `rays`, but not after the return. Memory: a few bytes per
-  /// ray. Errors: RayArray::Check(), once a ray is reached: some answers have then come. Else as Render()'s.
+  /// Traces rays as `ask` says: see ask_rays.h for rays in a vector. `on_rays` is called as Render()'s
+  /// `on_tile`, for all rays in parts of any order. Of `view` the parts and the section count, but no caps
+  /// are made. Compute threads read `rays`, but not after the return. Memory: a few bytes per ray. Errors:
+  /// RayArray::Check(), once a ray is reached: some answers have then come. Else as Render()'s.
   Status Ask(const RayArray& rays, size_t count, const RayAsk& ask, const OnRays& on_rays,
              std::stop_token stop = {}, const View& view = {});
-  static constexpr size_t kMostRaysOfCall = 1u << 24;  ///< limit of the rays of a call
 
   // For callers that order tiles themselves, as workers do. Their view numbers are below kFirstOwnView;
   // Render() takes the others.
@@ -173,6 +156,7 @@ class Renderer {
     Progress progress;
     std::optional<Error> error;
   };
+  class CallEnder;
   Renderer(const Catalog& catalog, const Options& options, Hooks hooks);
   void Failed(const Error& error);
   void NoMemory();

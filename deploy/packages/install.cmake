@@ -43,14 +43,14 @@ set(BINDIR ${CMAKE_INSTALL_BINDIR})" COMPONENT services)
 install(SCRIPT ${CMAKE_SOURCE_DIR}/deploy/systemd/install.cmake COMPONENT services)
 
 # The folders of the sources, so that the pages' links to each other lead somewhere.
-foreach(page README.md deploy/README.md deploy/MANUAL.md deploy/FILES.md deploy/LIBRARIES.md deploy/LIVE_VIEW.md deploy/PICTURES.md deploy/SOURCES.md deploy/packages/README.md
+foreach(page README.md deploy/README.md deploy/MANUAL.md deploy/RAYS.md deploy/FILES.md deploy/LIBRARIES.md deploy/LIVE_VIEW.md deploy/PICTURES.md deploy/SOURCES.md deploy/packages/README.md
         deploy/systemd/README.md preprocess/README.md preprocess/import/README.md preprocess/import/cad/README.md preprocess/import/gltf/README.md preprocess/import/threemf/README.md)
   get_filename_component(folder ${page} DIRECTORY)
   install(FILES ${CMAKE_SOURCE_DIR}/${page} DESTINATION ${CMAKE_INSTALL_DOCDIR}/${folder} COMPONENT documentation)
 endforeach()
 install(DIRECTORY ${CMAKE_SOURCE_DIR}/deploy/container ${CMAKE_SOURCE_DIR}/deploy/slurm DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy COMPONENT documentation)
 
-foreach(bench connection frames images import kernels loading plan simulate sources stores stream)
+foreach(bench connection frames images import kernels loading plan rays simulate sources stores stream)
   if(TARGET quarry-bench-${bench})
     install(TARGETS quarry-bench-${bench} RUNTIME DESTINATION ${QUARRY_LIBEXEC} COMPONENT benchmarks)
   endif()

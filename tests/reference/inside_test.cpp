@@ -5,7 +5,7 @@
 #include <glm/geometric.hpp>
 #include <set>
 
-#include "common/engine/renderer.h"
+#include "common/engine/ask_rays.h"
 #include "common/engine/sources/ray_list.h"
 #include "common/engine/surfaces/section_clip.h"
 #include "tests/reference/reference_rays.h"
@@ -122,10 +122,10 @@ TEST_CASE("Hits of views with hidden parts and a section are those of brute forc
       for (const uint64_t cache : {uint64_t{meta.largest_decoded}, uint64_t{64} << 20}) {
         const auto renderer = Renderer::Create(*scene, {cache, 2});
         REQUIRE(renderer.has_value());
-        const auto hits = (*renderer)->Trace(rays, RayGoal::kNearest, {}, view);
-        const auto any = (*renderer)->Trace(rays, RayGoal::kAny, {}, view);
+        const auto hits = HitsOf(**renderer, rays, RayGoal::kNearest, {}, view);
+        const auto any = HitsOf(**renderer, rays, RayGoal::kAny, {}, view);
         // All hits of a view that makes caps come to an end.
-        const auto every = (*renderer)->Ask(rays, {.goal = RayGoal::kAll, .surfaces = true}, {}, view);
+        const auto every = AskRays(**renderer, rays, {.goal = RayGoal::kAll, .surfaces = true}, {}, view);
         REQUIRE(every.has_value());
         REQUIRE(hits.has_value());
         REQUIRE(any.has_value());

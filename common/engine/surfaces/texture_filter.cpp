@@ -4,7 +4,10 @@
 
 namespace quarry {
 
-const TexelCodes kTexelCodes;
+const TexelCodes& TexelCodes::Get() {
+  static const TexelCodes codes;
+  return codes;
+}
 
 TexelCodes::TexelCodes() {
   for (int i = 0; i < 256; ++i) {

@@ -134,16 +134,18 @@ enum class LookupKind { kValue, kSlope };
 struct TexelCodes {
   float srgb[256], linear[256];
   TexelCodes();
+  /// Made at the first call: nothing of this library runs before a program asks. Thread-safe.
+  static const TexelCodes& Get();
 };
-extern const TexelCodes kTexelCodes;
 
 /// Reads texels of one format: linear colours, grey in all three channels, alpha 1 where there is none.
 template <uint32_t kChannels, bool kHalf>
 struct TexelReader {
+  const float* linear = TexelCodes::Get().linear;
   const float* codes;  ///< of colours
 
   explicit TexelReader(const TexelLayout& layout)
-      : codes(layout.format == TexelFormat::kSrgb8 ? kTexelCodes.srgb : kTexelCodes.linear) {}
+      : codes(layout.format == TexelFormat::kSrgb8 ? TexelCodes::Get().srgb : linear) {}
   glm::vec4 operator()(const std::byte* page, uint32_t index) const {
     float v[kChannels];
     const std::byte* at = page + size_t{kHalf ? 2u : 1u} * kChannels * index;
@@ -154,7 +156,7 @@ struct TexelReader {
         std::memcpy(&half, at + size_t{2} * c, sizeof half);
         v[c] = HalfToFloat(half);
       } else {
-        v[c] = (c < kColors ? codes : kTexelCodes.linear)[static_cast<size_t>(at[c])];
+        v[c] = (c < kColors ? codes : linear)[static_cast<size_t>(at[c])];
       }
     }
     const float alpha = kColors != kChannels ? v[kChannels - 1] : 1.0f;

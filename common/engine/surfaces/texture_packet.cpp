@@ -42,7 +42,7 @@ using Sums = float[4][RayPacket::kRays];
 template <uint32_t kChannels>
 void SumTexels(const float* colors, const FootprintPacket& footprints, const TexelPacket& texels,
                uint64_t lanes, Sums& sums) {
-  const float* const linear = kTexelCodes.linear;
+  const float* const linear = TexelCodes::Get().linear;
   ForLanes(lanes, [&](int i, bool meant) {
     float sum[4] = {sums[0][i], sums[1][i], sums[2][i], sums[3][i]};
     const float coarser = footprints.share[i];
@@ -146,7 +146,8 @@ void PlaceTexels(const TexturePyramid& pyramid, const FootprintPacket& footprint
 void SumTexels(const TexturePyramid& pyramid, const FootprintPacket& footprints, const TexelPacket& texels,
                LookupKind kind, uint64_t lanes, TextureLookups& lookups) {
   const TexelLayout layout = pyramid.layout;
-  const float* const colors = layout.format == TexelFormat::kSrgb8 ? kTexelCodes.srgb : kTexelCodes.linear;
+  const float* const colors =
+      layout.format == TexelFormat::kSrgb8 ? TexelCodes::Get().srgb : TexelCodes::Get().linear;
   switch (kind == LookupKind::kSlope ? 0 : layout.channels) {
     case 0:
       return SumTexels<0>(colors, footprints, texels, lanes, lookups.sum);

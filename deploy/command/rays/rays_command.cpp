@@ -6,9 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstring>
-#include <glm/common.hpp>
-#include <glm/geometric.hpp>
-#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -23,9 +20,9 @@
 #include "common/base/progress.h"
 #include "common/base/size.h"
 #include "common/remote/open_store.h"
-#include "common/scene/ray_query.h"
 #include "deploy/command/model_cache.h"
 #include "deploy/command/rays/npy.h"
+#include "deploy/command/rays/ray_window.h"
 
 namespace quarry {
 namespace {
@@ -58,102 +55,6 @@ Status Check(quarry_status status) {
   if (status == QUARRY_OK) return {};
   return tl::unexpected<Error>(ErrorOf(status));
 }
-
-/// Spreads the low 10 bits, two zeros between each.
-uint64_t Spread(uint64_t x) {
-  x = (x | x << 16) & 0x30000FF;
-  x = (x | x << 8) & 0x300F00F;
-  x = (x | x << 4) & 0x30C30C3;
-  return (x | x << 2) & 0x9249249;
-}
-
-uint64_t MortonOf(const glm::dvec3& unit) {
-  const auto cell = [](double x) { return Spread(static_cast<uint64_t>(std::clamp(x, 0.0, 1.0) * 1023)); };
-  return cell(unit.x) | cell(unit.y) << 1 | cell(unit.z) << 2;
-}
-
-/// A window of the input's rays, in an order in which neighbours meet the same voxels.
-class Window {
- public:
-  /// Takes the next rays. Errors: a ray that cannot be; as NpyReader::Read().
-  Status Read(NpyReader& input, uint64_t first_row, uint64_t rows) {
-    given_.clear();
-    columns_ = input.shape().columns;
-    QUARRY_TRY(input.Read(rows, given_));
-    for (uint64_t i = 0; i < rows; ++i) {
-      const Status sound = CheckRay(QueryOf(i));
-      if (!sound)
-        return BadUsage(fmt::format("{}: row {}, at byte {}: {}", kInput, first_row + i,
-                                    input.ByteOf(first_row + i), sound.error().message));
-    }
-    Sort(rows);
-    return {};
-  }
-  size_t size() const { return order_.size(); }
-  /// The number in the window of the sorted ray `i`.
-  size_t PlaceOf(size_t i) const { return order_[i]; }
-  /// A window of its rays from place `first` on.
-  Window Part(size_t first, size_t count) const {
-    Window part;
-    part.columns_ = columns_;
-    part.given_.assign(given_.begin() + static_cast<ptrdiff_t>(first * columns_),
-                       given_.begin() + static_cast<ptrdiff_t>((first + count) * columns_));
-    part.Sort(count);
-    return part;
-  }
-  /// The sorted rays. Valid while the window is.
-  quarry_rays Sorted(uint32_t flags) const {
-    const double* const at = sorted_.data();
-    quarry_rays rays = QUARRY_RAYS_INIT;
-    rays.count = size();
-    rays.flags = flags;
-    rays.origins = at;
-    rays.directions = at + 3;
-    rays.stride = rays.t_stride = static_cast<ptrdiff_t>(columns_ * sizeof(double));
-    if (columns_ == 8) {
-      rays.tnear = at + 6;
-      rays.tfar = at + 7;
-    }
-    return rays;
-  }
-
- private:
-  RayQuery QueryOf(size_t i) const {
-    const double* const row = given_.data() + i * columns_;
-    RayQuery ray{{row[0], row[1], row[2]}, {row[3], row[4], row[5]}};
-    if (columns_ != 8) return ray;
-    const double unit = glm::length(ray.direction);
-    ray.begin = row[6] * unit;
-    ray.end = row[7] * unit;
-    return ray;
-  }
-  /// By places of origins in their box, then by directions.
-  void Sort(size_t rows) {
-    glm::dvec3 lower(std::numeric_limits<double>::infinity()), upper = -lower;
-    for (size_t i = 0; i < rows; ++i) {
-      lower = glm::min(lower, QueryOf(i).origin);
-      upper = glm::max(upper, QueryOf(i).origin);
-    }
-    const glm::dvec3 size = glm::max(upper - lower, glm::dvec3(1e-300));
-    std::vector<std::pair<uint64_t, uint32_t>> keys(rows);
-    for (size_t i = 0; i < rows; ++i) {
-      const RayQuery ray = QueryOf(i);
-      const uint64_t direction = MortonOf(glm::normalize(ray.direction) * 0.5 + 0.5);
-      keys[i] = {MortonOf((ray.origin - lower) / size) << 30 | direction, static_cast<uint32_t>(i)};
-    }
-    std::ranges::sort(keys);
-    order_.resize(rows);
-    sorted_.resize(given_.size());
-    for (size_t i = 0; i < rows; ++i) {
-      order_[i] = keys[i].second;
-      std::copy_n(given_.data() + order_[i] * columns_, columns_, sorted_.data() + i * columns_);
-    }
-  }
-
-  size_t columns_ = 6;
-  std::vector<double> given_, sorted_;
-  std::vector<uint32_t> order_;
-};
 
 /// Arrays for hits, as quarry.h fills them.
 struct HitArrays {
@@ -248,7 +149,7 @@ class Asker {
   uint64_t rows() const { return rows_; }
 
   /// Answers a window whose first ray is row `first_row` of the input.
-  Status Answer(const Window& window, uint64_t first_row) {
+  Status Answer(const RayWindow& window, uint64_t first_row) {
     if (arguments_.all) return All(window, first_row);
     rows_ += window.size();
     if (arguments_.any) return Any(window);
@@ -256,7 +157,7 @@ class Asker {
   }
 
  private:
-  Status Any(const Window& window) {
+  Status Any(const RayWindow& window) {
     const quarry_rays rays = window.Sorted(flags_);
     std::vector<uint8_t> hit(window.size());
     QUARRY_TRY(Check(api::Any(scene_, &rays, hit.data())));
@@ -264,7 +165,7 @@ class Asker {
     for (size_t i = 0; i < hit.size(); ++i) out_[window.PlaceOf(i)] = static_cast<std::byte>(hit[i]);
     return output_.Write(out_);
   }
-  Status Count(const Window& window) {
+  Status Count(const RayWindow& window) {
     const quarry_rays rays = window.Sorted(flags_);
     std::vector<uint32_t> counts(window.size());
     QUARRY_TRY(Check(api::Count(scene_, &rays, counts.data())));
@@ -273,7 +174,7 @@ class Asker {
       std::memcpy(out_.data() + window.PlaceOf(i) * sizeof(uint32_t), &counts[i], sizeof(uint32_t));
     return output_.Write(out_);
   }
-  Status Nearest(const Window& window) {
+  Status Nearest(const RayWindow& window) {
     const quarry_rays rays = window.Sorted(flags_);
     hits_.Resize(window.size());
     const quarry_hits named = hits_.Named();
@@ -284,7 +185,7 @@ class Asker {
     return output_.Write(out_);
   }
   /// Counts the window's hits, and halves the window while memory has no room for them.
-  Status All(const Window& window, uint64_t first_row) {
+  Status All(const RayWindow& window, uint64_t first_row) {
     const quarry_rays rays = window.Sorted(flags_);
     std::vector<uint32_t> counts(window.size());
     QUARRY_TRY(Check(api::Count(scene_, &rays, counts.data())));
@@ -297,7 +198,7 @@ class Asker {
     QUARRY_TRY(All(window.Part(0, half), first_row));
     return All(window.Part(half, window.size() - half), first_row + half);
   }
-  Status AllOf(const Window& window, uint64_t first_row, const std::vector<uint32_t>& counts,
+  Status AllOf(const RayWindow& window, uint64_t first_row, const std::vector<uint32_t>& counts,
                const std::vector<uint64_t>& ends) {
     constexpr size_t kRow = sizeof(uint64_t) + HitArrays::kRowBytes;
     const quarry_rays rays = window.Sorted(flags_);
@@ -403,10 +304,10 @@ Status RunRays(const RaysArguments& arguments) {
   QUARRY_TRY(output.Write(std::as_bytes(std::span(header))));
   Progress progress(arguments.quiet);
   progress.Begin("tracing rays");
-  Window window;
+  RayWindow window;
   for (uint64_t row = 0; row < input.shape().rows;) {
     const uint64_t rows = std::min(most, input.rows_left());
-    QUARRY_TRY(window.Read(input, row, rows));
+    QUARRY_TRY(window.Read(input, kInput, row, rows));
     QUARRY_TRY(asker.Answer(window, row));
     row += rows;
     progress.Update(row, input.shape().rows);

@@ -1,6 +1,6 @@
-// Renderer::Ask() against brute force, in every ask: the hits are those of the rays that stand for the
+// AskRays() against brute force, in every ask: the hits are those of the rays that stand for the
 // queries (RayOfQuery), whatever the cache and the threads.
-#include "common/engine/renderer.h"
+#include "common/engine/ask_rays.h"
 #include "common/engine/sources/ray_list.h"
 #include "tests/reference/reference_rays.h"
 
@@ -93,8 +93,8 @@ bool IsOf(const LoadedScene& scene, const Hit& hit, const HitSurface& surface) {
 /// Rays whose answers are not those of brute force, in all asks.
 size_t Differences(Renderer& renderer, const LoadedScene& scene, const Asked& asked, bool passes_glass) {
   const auto ask = [&](RayGoal goal, bool surfaces) {
-    auto answers = renderer.Ask(asked.queries,
-                                {.goal = goal, .surfaces = surfaces, .rule = {.passes_glass = passes_glass}});
+    auto answers = AskRays(renderer, asked.queries,
+                           {.goal = goal, .surfaces = surfaces, .rule = {.passes_glass = passes_glass}});
     REQUIRE(answers.has_value());
     return std::move(*answers);
   };

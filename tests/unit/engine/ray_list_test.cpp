@@ -4,14 +4,14 @@
 #include <fstream>
 #include <limits>
 
-#include "common/engine/renderer.h"
+#include "common/engine/ask_rays.h"
 #include "common/scene/camera.h"
 #include "tests/support/models/made_store.h"
 #include "tests/support/rendering/looking.h"
 #include "tests/support/rendering/row_scene.h"
 #include "tests/support/temporary_folder.h"
 
-// Renderer::Trace(): lists of rays.
+// HitsOf() and AskRays(): lists of rays.
 
 namespace quarry {
 namespace {
@@ -29,7 +29,7 @@ std::unique_ptr<Renderer> MakeRenderer(const Scene& scene, uint64_t cache_bytes 
 }
 
 std::vector<Hit> Trace(Renderer& renderer, const std::vector<RayQuery>& rays, RayGoal goal) {
-  const auto hits = renderer.Trace(rays, goal);
+  const auto hits = HitsOf(renderer, rays, goal);
   REQUIRE(hits.has_value());
   REQUIRE(hits->size() == rays.size());
   return *hits;
@@ -183,13 +183,13 @@ TEST_CASE("An impossible ray is refused, and a cancelled list is abandoned", "[r
                               RayQuery{{0, 0, 0}, {0, 0, 1}, 0}, RayQuery{{0, 0, 0}, {0, 0, 1}, nan},
                               RayQuery{{0, 0, 0}, {1e300, 1e300, 1}}, RayQuery{{0, 0, 0}, {0, 0, 1}, 1, -1},
                               RayQuery{{0, 0, 0}, {0, 0, 1}, 1, nan}, RayQuery{{0, 0, 0}, {0, 0, 1}, 1, 1}}) {
-    const auto hits = renderer->Trace({ray}, RayGoal::kNearest);
+    const auto hits = HitsOf(*renderer, {ray}, RayGoal::kNearest);
     REQUIRE_FALSE(hits.has_value());
     CHECK(hits.error().kind == ErrorKind::kUsage);
   }
   std::stop_source stop;
   stop.request_stop();
-  const auto hits = renderer->Trace(Fan(10), RayGoal::kNearest, stop.get_token());
+  const auto hits = HitsOf(*renderer, Fan(10), RayGoal::kNearest, stop.get_token());
   REQUIRE_FALSE(hits.has_value());
   CHECK(hits.error().kind == ErrorKind::kCancelled);
 }
@@ -224,7 +224,7 @@ TEST_CASE("Asked rays find surfaces of half an opacity or more, and not by chanc
     const Scene scene = PlateScene(folder, opacity);
     const auto renderer = MakeRenderer(scene, 64 << 20);
     for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
-      const auto answers = renderer->Ask(rays, {.goal = goal, .rule = {.least_opacity = 0.5f}});
+      const auto answers = AskRays(*renderer, rays, {.goal = goal, .rule = {.least_opacity = 0.5f}});
       REQUIRE(answers.has_value());
       for (const Hit& hit : answers->hits) {
         const bool found_floor = static_cast<double>(hit.t) == Approx(3).epsilon(1e-5);
@@ -232,7 +232,7 @@ TEST_CASE("Asked rays find surfaces of half an opacity or more, and not by chanc
         if (goal == RayGoal::kNearest || opacity < 128) CHECK(found_floor == (opacity < 128));
       }
     }
-    const auto counted = renderer->Ask(rays, {.goal = RayGoal::kCount, .rule = {.least_opacity = 0.5f}});
+    const auto counted = AskRays(*renderer, rays, {.goal = RayGoal::kCount, .rule = {.least_opacity = 0.5f}});
     REQUIRE(counted.has_value());
     for (const uint32_t count : counted->counts) CHECK(count == (opacity < 128 ? 1 : 2));
   }
@@ -250,8 +250,8 @@ TEST_CASE("Rays between two limits pass holes, and holes are not counted", "[ray
                                    {{1.2, 0.3, 3}, kDown, kEndless, 2.5},   // behind the hole
                                    {{1.2, 0.3, 3}, kDown, 2.5, 1.5}};       // the hole alone
   const std::vector<uint32_t> counts{2, 1, 1, 1, 0};
-  const auto all = renderer->Ask(rays, {.goal = RayGoal::kAll, .from_origin = true}),
-             counted = renderer->Ask(rays, {.goal = RayGoal::kCount});
+  const auto all = AskRays(*renderer, rays, {.goal = RayGoal::kAll, .from_origin = true}),
+             counted = AskRays(*renderer, rays, {.goal = RayGoal::kCount});
   REQUIRE(all.has_value());
   REQUIRE(counted.has_value());
   CHECK(all->counts == counts);

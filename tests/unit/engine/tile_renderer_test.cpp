@@ -96,8 +96,7 @@ class Bench {
     const auto count = static_cast<uint32_t>(rays.size());
     auto context = std::make_shared<ViewContext>(View(), row_.scene->catalog(), nullptr,
                                                  std::make_shared<const NearestHits>());
-    renderer.Open(std::move(context),
-                  RayPart{std::make_shared<const RayVector>(std::move(rays)), 0, count});
+    renderer.Open(std::move(context), RayPart{std::make_shared<const RayVector>(std::move(rays)), 0, count});
     return Finish();
   }
   RenderedTile Finish() {

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <string>
 
+#include "common/engine/ask_rays.h"
 #include "common/engine/integrators/bounce.h"
 #include "tests/support/models/made_store.h"
 #include "tests/support/rendering/engine_run.h"
@@ -175,7 +176,7 @@ TEST_CASE("Glass is a hit for rays of a list, whichever hit they ask for", "[goi
   for (int strip = 0; strip < kStrips; ++strip)
     rays.push_back({{strip - static_cast<double>(kHalf) + 0.5, 0.25, 0.5}, {0, 0, 1}, 4.0});
   for (const RayGoal goal : {RayGoal::kNearest, RayGoal::kAny}) {
-    const auto hits = (*renderer)->Trace(rays, goal);
+    const auto hits = HitsOf(**renderer, rays, goal);
     REQUIRE(hits.has_value());
     for (size_t strip = 0; strip < rays.size(); ++strip) {
       INFO(strip);

@@ -302,7 +302,7 @@ class Scene:
     def _shaped(arrays, asked, shape):
         if asked.dtype == numpy.float32 and "t_hit" in arrays:
             arrays["t_hit"] = arrays["t_hit"].astype(numpy.float32)
-        return {name: array.reshape(*shape, *_FIELDS[name][2]) for name, array in arrays.items()}
+        return {name: array.reshape((*shape, *_FIELDS[name][2])) for name, array in arrays.items()}
 
     def _ask(self, asked, name, *outputs):
         handle = self._handle_or_raise()
