@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -157,7 +158,10 @@ Status CheckSplits(const uint64_t* splits, size_t count) {
 }  // namespace
 
 quarry_status Open(const char* place, const quarry_options* options, quarry_scene** scene) {
-  return Run([&]() -> Status {
+  bool has_kernels = true;
+  const quarry_status status = Run([&]() -> Status {
+    has_kernels = !Kernels().empty();
+    if (!has_kernels) return {};
     if (!place) return BadUsage("place is NULL");
     if (!scene) return BadUsage("scene is NULL");
     quarry_options chosen = QUARRY_OPTIONS_INIT;
@@ -169,6 +173,8 @@ quarry_status Open(const char* place, const quarry_options* options, quarry_scen
     *scene = OpenScenes::OfThisProcess().Add(std::move(opened));
     return {};
   });
+  if (has_kernels) return status;
+  return Failed(QUARRY_PROCESSOR, "QUARRY_ISA names no instruction set that this processor has");
 }
 
 quarry_status Close(quarry_scene* scene) {
@@ -297,9 +303,16 @@ quarry_status Pinhole(const double* eye, const double* at, const double* up, dou
     if (which_fov != QUARRY_VERTICAL && which_fov != QUARRY_HORIZONTAL)
       return BadUsage(fmt::format("which_fov is {}; it is QUARRY_VERTICAL or QUARRY_HORIZONTAL", which_fov));
     if (width == 0 || height == 0) return BadUsage("width or height is 0");
-    CameraSpec camera{{eye[0], eye[1], eye[2]}, {at[0], at[1], at[2]}, {up[0], up[1], up[2]}, fov_degrees};
-    QUARRY_TRY(CheckCamera(camera));
+    const CameraSpec camera{
+        {eye[0], eye[1], eye[2]}, {at[0], at[1], at[2]}, {up[0], up[1], up[2]}, fov_degrees};
+    if (!(fov_degrees > 0) || fov_degrees > 179)
+      return BadUsage(fmt::format("fov_degrees is {}; it lies in (0, 179]", fov_degrees));
     const ViewBasis view = MakeViewBasis(camera, which_fov == QUARRY_VERTICAL ? height : width);
+    const auto is_sound = [](const glm::dvec3& v) { return Dot(v, v) > 0 && std::isfinite(Dot(v, v)); };
+    if (!is_sound(view.forward))
+      return BadUsage("eye and at are the same, too near or too far apart, or no numbers");
+    if (!is_sound(view.right) || !is_sound(view.down))
+      return BadUsage("up is no number, or lies along the way from eye to at");
     for (uint32_t y = 0; y < height; ++y)
       for (uint32_t x = 0; x < width; ++x) {
         const glm::dvec3 direction = view.forward + AcrossOf(view, x + 0.5, y + 0.5, width, height);

@@ -75,6 +75,7 @@ Result<std::shared_ptr<OpenScene>> OpenScene::Open(const std::string& place, con
 
 /// Requires: mutex_ is held, or nobody else has the scene.
 Result<std::shared_ptr<Renderer>> OpenScene::TakeRenderer() {
+  if (renderer_ && renderer_->counters().failed) Drop();  // in a call that had ended, or in another's
   if (!renderer_) {
     const SignalsBlocked blocked;
     QUARRY_ASSIGN(renderer_, Renderer::Create(scene_, options_));
@@ -82,13 +83,10 @@ Result<std::shared_ptr<Renderer>> OpenScene::TakeRenderer() {
   return renderer_;
 }
 
-/// A renderer stays failed; the next call makes another.
-void OpenScene::Drop(const std::shared_ptr<Renderer>& failed) {
-  std::shared_ptr<Renderer> last;  // ends its threads outside the lock
-  const std::lock_guard lock(mutex_);
-  if (renderer_ != failed) return;
-  Add(before_, failed->counters());
-  last = std::move(renderer_);
+/// Lets a failed renderer go; calls under way may still hold it. Requires: mutex_ is held.
+void OpenScene::Drop() {
+  Add(before_, renderer_->counters());
+  renderer_.reset();
 }
 
 Status OpenScene::Ask(const quarry_rays& rays, const Renderer::RayAsk& ask, const Renderer::OnRays& on_rays) {
@@ -114,9 +112,6 @@ Status OpenScene::Ask(const quarry_rays& rays, const Renderer::RayAsk& ask, cons
       outcome = tl::unexpected<Error>(Error{{}, ErrorKind::kMemory});
     }
   }
-  const bool failed =
-      !outcome && outcome.error().kind != ErrorKind::kCancelled && outcome.error().kind != ErrorKind::kUsage;
-  if (failed) Drop(renderer);
   renderer.reset();
   const std::lock_guard lock(mutex_);
   own.splice(own.begin(), calls_, call);

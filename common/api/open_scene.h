@@ -41,7 +41,7 @@ class OpenScene {
   };
   OpenScene(StoreReader store, Renderer::Options options);
   Result<std::shared_ptr<Renderer>> TakeRenderer();
-  void Drop(const std::shared_ptr<Renderer>& failed);
+  void Drop();
 
   const Scene scene_;
   const Renderer::Options options_;
@@ -49,8 +49,8 @@ class OpenScene {
   std::condition_variable ended_;
   std::list<Call> calls_;
   bool closed_ = false;
-  std::shared_ptr<Renderer> renderer_;  ///< null after it has failed
-  Renderer::Counters before_;           ///< of renderers that failed
+  std::shared_ptr<Renderer> renderer_;  ///< the next call replaces one that has failed
+  Renderer::Counters before_;           ///< of those replaced
 };
 
 }  // namespace quarry::api

@@ -20,8 +20,8 @@
    during other calls. The library installs no signal handler, prints nothing, changes no setting of the process and
    does not end it. After fork() the child may open scenes of its own; the parent's are an error there.
 
-   Memory. A scene takes `cache_bytes`, 48 MiB, 8 MiB for each thread, 200 bytes for each voxel, and a call 16
-   bytes for each 1,024 of its rays. quarry_all() takes 64 bytes more for each hit of a ray with more than 16,384.
+   Memory. A scene takes `cache_bytes`, 32 MiB, 4 MiB for each thread and 400 bytes for each voxel. A call takes at
+   most 3 MiB; quarry_all() 3 MiB for each million hits, and 128 bytes for each hit of a ray with more than 16,384.
 
    Example:
 

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <mutex>
 #include <new>
 #include <shared_mutex>
+#include <thread>
 #include <utility>
 
 #include "common/base/resource.h"
@@ -71,8 +73,16 @@ void Renderer::Begin(VoxelSource& source, Executor executor, const Options& opti
   loader_.emplace(catalog_, cache_, source, [this](const Error& error) { Failed(error); });
   engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this] {
     NoMemory();
-    // A compute thread notifies the loader's thread, which owns the hooks.
-    if (hooks_.on_error) executor_([this] { Failed(Error{kNoMemory, ErrorKind::kMemory}); });
+    // A compute thread notifies the loader's thread, which owns the hooks. It waits for the memory that this
+    // takes.
+    for (bool told = !hooks_.on_error; !told;) {
+      try {
+        executor_([this] { Failed(Error{kNoMemory, ErrorKind::kMemory}); });
+        told = true;
+      } catch (const std::bad_alloc&) {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    }
   });
 }
 
@@ -102,17 +112,23 @@ Renderer::~Renderer() {
   // The loader first: it delivers blocks to the compute threads' mailboxes.
   tasks_.Stop();
   if (loader_thread_.joinable()) loader_thread_.join();
+  source_.reset();  // its threads, too, may report that no memory is left
   engine_.reset();
 }
 
 /// Makes the loader run once, however many calls come before it runs.
 void Renderer::ScheduleLoader() {
   if (scheduled_.exchange(true)) return;
-  executor_([this] {
+  try {
+    executor_([this] {
+      scheduled_ = false;
+      loader_->Run();
+      if (hooks_.on_idle) hooks_.on_idle();
+    });
+  } catch (const std::bad_alloc&) {  // some callers must not throw
     scheduled_ = false;
-    loader_->Run();
-    if (hooks_.on_idle) hooks_.on_idle();
-  });
+    NoMemory();
+  }
 }
 
 namespace {
@@ -302,7 +318,9 @@ Status Renderer::Order(const RayQuery& ray, const View& view, std::function<void
 
 Renderer::Counters Renderer::counters() const {
   const Engine::Counters e = engine_->counters();
-  return {e.rays, e.rays_suspended, e.compute_us, e.stall_us, e.tiles_wanted, cache_.counters()};
+  const std::lock_guard lock(mutex_);
+  return {e.rays,         e.rays_suspended,  e.compute_us,          e.stall_us,
+          e.tiles_wanted, cache_.counters(), failure_ || no_memory_};
 }
 
 void Renderer::Call::OnTileDone(size_t index, RenderedTile result) {
@@ -313,19 +331,20 @@ void Renderer::Call::OnTileDone(size_t index, RenderedTile result) {
   ++progress.done;
   const Progress now = progress;
   lock.unlock();  // on_tile may cancel the call
-  const auto delivered = [&] {
+  const auto delivered = [&](bool whole) {
     lock.lock();
     delivering = false;
+    no_memory |= !whole;
     lock.unlock();
     changed.notify_all();
   };
   try {
     (*on_tile)(index, std::move(result), now);
   } catch (...) {  // for want of memory: Engine::Run() reports it
-    delivered();
+    delivered(false);
     throw;
   }
-  delivered();
+  delivered(true);
 }
 
 void Renderer::Call::End(const Error& e) {

@@ -127,6 +127,7 @@ class Renderer {
     uint64_t compute_us = 0, stall_us = 0;
     uint32_t tiles_wanted = 0;
     VoxelCache::Counters cache;
+    bool failed = false;  ///< every further call fails: a block could not be had, or memory ran out
   };
   Counters counters() const;
   /// Gives the cache memory to use first, see VoxelCache::UseFirst().
@@ -179,7 +180,7 @@ class Renderer {
   std::atomic<bool> scheduled_{false};
   VoxelCache cache_;
   std::optional<Loader> loader_;
-  std::mutex mutex_;  ///< guards calls_, failure_, no_memory_, next_view_
+  mutable std::mutex mutex_;  ///< guards calls_, failure_, no_memory_, next_view_
   std::set<std::shared_ptr<Call>> calls_;
   std::optional<Error> failure_;
   bool no_memory_ = false;

@@ -146,7 +146,10 @@ class HttpRangeClient::Lane : public std::enable_shared_from_this<HttpRangeClien
   void Close() {
     closed_ = true;
     Disarm();
-    resolver_.cancel();
+    try {
+      resolver_.cancel();
+    } catch (const std::bad_alloc&) {  // its handler finds closed_
+    }
     ErrorCode ignored;
     socket().close(ignored);
     job_ = {};

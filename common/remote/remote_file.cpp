@@ -53,7 +53,7 @@ struct RemoteFile::Impl {
       try {
         if (!client) client.emplace(io, location, options);
         io.run();
-      } catch (const std::bad_alloc&) {
+      } catch (const std::exception&) {  // no memory, or no thread to look a name up
         client.reset();
         std::this_thread::sleep_for(kPause);
       }

@@ -4,18 +4,18 @@
 #include <cstring>
 #include <span>
 #include <string_view>
+#include <utility>
 
 namespace quarry {
 
 Result<std::span<const std::byte>> StoreNames::From(Window& window, uint64_t at) const {
   if (at < window.begin || at >= window.begin + window.bytes.size()) {
     const uint64_t begin = at / kWindowBytes * kWindowBytes;
-    window.bytes.resize(std::min(kWindowBytes, window.place.size - begin));
+    Bytes bytes = std::exchange(window.bytes, {});  // none, however this ends
+    bytes.resize(std::min(kWindowBytes, window.place.size - begin));
+    QUARRY_TRY(file_.ReadAt(window.place.offset + begin, bytes));
+    window.bytes = std::move(bytes);
     window.begin = begin;
-    if (const Status read = file_.ReadAt(window.place.offset + begin, window.bytes); !read) {
-      window.bytes.clear();
-      return tl::unexpected<Error>(read.error());
-    }
   }
   return std::span<const std::byte>(window.bytes).subspan(at - window.begin);
 }

@@ -188,7 +188,7 @@ Result<std::vector<SectionEntry>> StoreReader::ReadTable(std::span<const std::by
       return FailForGood(fmt::format("{}: needs a newer program: section {} is unknown to this one", path(),
                                      TypeName(e.type)));
     if (known && e.size > known->most)
-      return Fail(
+      return FailForGood(
           fmt::format("{}: section {} claims {} bytes, more than the {} that it may have; make the "
                       "store again",
                       path(), TypeName(e.type), e.size, known->most));

@@ -91,14 +91,18 @@ bool Loader::Install(const Arrived& arrived) {
   auto pages = cache_.TakePages(entry.decoded, arrived.block.kind() == BlockKind::kPage);
   if (!pages) {
     Fail(Error{fmt::format("the system has no memory for a block of {} bytes; give a smaller --cache",
-                           entry.decoded)});
+                           entry.decoded),
+               ErrorKind::kMemory});
     return false;
   }
   resident->bytes = std::move(*pages);
   const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
   decode_us_ += MicrosecondsSince(start);
   if (!status) {
-    Fail(Error{fmt::format("block {}: {}", catalog_.NumberOf(arrived.block), status.error().message)});
+    // Its checksum was right: another attempt gives the same.
+    Fail(Error{fmt::format("block {} at byte {}: {}", catalog_.NumberOf(arrived.block), entry.offset,
+                           status.error().message),
+               ErrorKind::kPermanent});
     return false;
   }
   cache_.Publish(arrived.block, std::move(resident));

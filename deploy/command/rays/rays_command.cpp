@@ -150,6 +150,7 @@ class Asker {
 
   /// Answers a window whose first ray is row `first_row` of the input.
   Status Answer(const RayWindow& window, uint64_t first_row) {
+    first_window_ = window.size();
     if (arguments_.all) return All(window, first_row);
     rows_ += window.size();
     if (arguments_.any) return Any(window);
@@ -192,8 +193,10 @@ class Asker {
     std::vector<uint64_t> ends(window.size() + 1);  // by place in the window
     for (size_t i = 0; i < counts.size(); ++i) ends[window.PlaceOf(i) + 1] = counts[i];
     for (size_t i = 0; i < counts.size(); ++i) ends[i + 1] += ends[i];
-    if (ends.back() <= memory_ / kHitBytes || window.size() == 1)
-      return AllOf(window, first_row, counts, ends);
+    // Halves hold rays of their own beside those of the whole.
+    const uint64_t of_rays = 2 * kRayBytes * first_window_;
+    const uint64_t most = (memory_ > 2 * of_rays ? memory_ - of_rays : memory_ / 2) / (2 * kHitBytes);
+    if (ends.back() <= most || window.size() == 1) return AllOf(window, first_row, counts, ends);
     const size_t half = window.size() / 2;
     QUARRY_TRY(All(window.Part(0, half), first_row));
     return All(window.Part(half, window.size() - half), first_row + half);
@@ -227,7 +230,7 @@ class Asker {
   const uint32_t flags_;
   HitArrays hits_;
   Bytes out_;
-  uint64_t rows_ = 0;
+  uint64_t rows_ = 0, first_window_ = 0;
 };
 
 /// Closes a scene at the end.
@@ -290,10 +293,11 @@ Status RunRays(const RaysArguments& arguments) {
   if (arguments.all && arguments.output.empty())
     return BadUsage("--all needs -o: the number of hits, which begins the file, is known at the end");
   QUARRY_ASSIGN(const uint64_t memory, ParseSize(arguments.memory, "--memory"));
-  // With --all a window's hits share the memory: three a ray are expected.
-  const uint64_t ray_bytes = kRayBytes + (arguments.all ? 3 * kHitBytes : 0);
+  // With --all a window's hits share the memory: three a ray are expected. Its arrays may hold twice what
+  // they need.
+  const uint64_t ray_bytes = arguments.all ? 2 * (kRayBytes + 3 * kHitBytes) : kRayBytes;
   const uint64_t most = std::min<uint64_t>(memory / ray_bytes, 1u << 24);
-  if (most < 1024)
+  if (most < 512)
     return BadUsage(fmt::format("--memory of {} is too little; give at least 1M", FormatSize(memory)));
   QUARRY_ASSIGN(NpyReader input, NpyReader::Open(STDIN_FILENO, kInput));
   QUARRY_ASSIGN(Output output, Output::Open(arguments));

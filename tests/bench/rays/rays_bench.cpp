@@ -15,6 +15,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -43,7 +44,7 @@ struct Options {
   bool embree = true;
 };
 
-/// Rays of six floats: all points toward the first sun, then toward the second, and so on.
+/// Rays of six floats: 64 points toward the first sun, toward the second, and so on; then the next 64.
 using Rays = std::vector<float>;
 
 /// Directions toward the sun over a day, from east by south to west.
@@ -94,9 +95,11 @@ std::vector<glm::vec3> FacadePoints(const test::ResidentScene& scene, const test
 Rays MakeRays(const std::vector<glm::vec3>& points, const std::vector<glm::vec3>& suns) {
   Rays rays;
   rays.reserve(6 * points.size() * suns.size());
-  for (const glm::vec3& sun : suns)
-    for (const glm::vec3& p : points)
-      for (const float number : {p.x, p.y, p.z, sun.x, sun.y, sun.z}) rays.push_back(number);
+  constexpr size_t kTogether = 64;
+  for (size_t first = 0; first < points.size(); first += kTogether)
+    for (const glm::vec3& sun : suns)
+      for (const glm::vec3& p : std::span(points).subspan(first, std::min(kTogether, points.size() - first)))
+        for (const float number : {p.x, p.y, p.z, sun.x, sun.y, sun.z}) rays.push_back(number);
   return rays;
 }
 
@@ -201,11 +204,13 @@ class Asked {
 std::optional<double> AskPython(const Options& options, const Rays& rays, uint64_t cache) {
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / fmt::format("quarry-rays-{}.npy", ::getpid());
-  std::string header = NpyHeader("'<f4'", rays.size());
-  Bytes bytes =
-      AsBytes(header + std::string(reinterpret_cast<const char*>(rays.data()), rays.size() * sizeof(float)));
-  if (!WriteFile(file.string(), bytes)) return std::nullopt;
-  bytes = {};
+  {
+    auto npy = OutputFile::Create(file.string());
+    const std::string header = NpyHeader("'<f4'", rays.size());
+    if (!npy || !npy->Write(header.data(), header.size()) ||
+        !npy->Write(rays.data(), rays.size() * sizeof(float)) || !npy->Commit())
+      return std::nullopt;
+  }
   const std::string script = fmt::format(
       "import numpy, quarry, time\nrays = numpy.load('{}').reshape(-1, 6)\nscene = quarry.Scene('{}', "
       "cache={}, threads={})\ntimes = []\n"

@@ -90,9 +90,9 @@ class BareRoot:
         if self.inside("apt-get update -q").returncode != 0:
             raise unittest.SkipTest("the archive of Debian is out of reach")
         # gzip: of the packages that users get, half of the time goes into xz.
-        pack, self.install, self.install_all, self.install_cad = page_commands("packages")
+        pack, self.install, self.install_all, self.install_cad, self.install_library = page_commands("packages")
         must("sh", "-c", pack.replace("-B build/release", f"-D CPACK_DEBIAN_COMPRESSION_TYPE=gzip -B '{self.debs}'").replace("build/release", f"'{BUILD}'"))
-        self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench", *["quarry-cad"] * (BIN / "quarry-import-cad").exists())}
+        self.deb = {name: next(self.debs.glob(f"{name}_*.deb")).name for name in ("quarry", "quarry-bench", "libquarry0", "libquarry-dev", "python3-quarry", *["quarry-cad"] * (BIN / "quarry-import-cad").exists())}
         for name in self.deb.values():
             shutil.copy(self.debs / name, self.root / "root")
         # The packages that a machine needs for rendering, and no more.
@@ -192,6 +192,22 @@ class Packages(unittest.TestCase):
         # Checks the file by the schema of Compose.
         shown = must("docker-compose", "-f", ROOT / "deploy/container/compose.yaml", "config")
         self.assertRegex(shown, r"(?s)quarry-master.*quarry-worker")
+
+    def test_programs_ask_rays(self):
+        bare.must(bare.install_library)
+        bare.must("apt-get install -q gcc g++ cmake make pkg-config")
+        exported = bare.must("nm -D --defined-only $(ldconfig -p | sed -n 's/.*libquarry.so.0 .*=> //p') | sed 's/.* //; s/@.*//' | grep -v '^quarry_' || true")
+        self.assertEqual(exported.strip(), "QUARRY_0")
+        bare.must("cc -std=c99 -Wall -Wextra -Werror /usr/share/doc/libquarry-dev/examples/sight.c $(pkg-config --cflags --libs quarry) -o sight")
+        bare.must("""mkdir -p by_cmake; printf 'cmake_minimum_required(VERSION 3.16)\nproject(s C CXX)\nfind_package(Quarry 0.1 REQUIRED)\n' > by_cmake/CMakeLists.txt
+                     printf 'add_executable(sight /usr/share/doc/libquarry-dev/examples/sight.c)\ntarget_link_libraries(sight Quarry::quarry)\n' >> by_cmake/CMakeLists.txt
+                     cmake -S by_cmake -B made && cmake --build made""")
+        for sight in ("./sight", "made/sight"):
+            self.assertRegex(bare.must(f"{sight} m.quarry 0 0 500 0 0 -500"), "^hidden by ")
+            self.assertEqual(bare.must(f"{sight} m.quarry 0 0 500 10 0 500"), "in sight\n")
+        said = bare.must("python3 /usr/share/doc/python3-quarry/examples/solar_hours.py m.quarry hours.ply --step 60")
+        self.assertRegex(said, r"^\d+ points; sun for ")
+        bare.must("apt-get purge -y -q libquarry0 libquarry-dev python3-quarry")
 
     def test_removal_leaves_nothing(self):
         bare.must(bare.install_all)

@@ -37,7 +37,7 @@ def _address(array: Optional[numpy.ndarray]) -> Optional[int]:
 
 def _interruptibly(work, cancel, waits=True):
     """work(), on another thread if this is the main one, where Ctrl-C arrives: an exception here cancels the work, and waits for its end first unless
-    `waits` is false."""
+    `waits` is false. `work` holds all that the library writes to: it outlives any number of interrupts."""
     if threading.current_thread() is not threading.main_thread():
         return work()
     outcome, over = [], threading.Event()
@@ -51,15 +51,19 @@ def _interruptibly(work, cancel, waits=True):
             over.set()
 
     worker = threading.Thread(target=run, daemon=True)
-    worker.start()
     try:
+        worker.start()
         over.wait()
     except BaseException:
         cancel()
-        while waits and not over.wait(0.02):
-            cancel()  # again, where the call had not begun
+        while waits and worker.ident is not None:
+            try:
+                if over.wait(0.02):
+                    break
+                cancel()  # again, where the call had not begun
+            except KeyboardInterrupt:
+                continue
         raise
-    worker.join()
     result, error = outcome[0]
     if error is not None:
         raise error
@@ -121,16 +125,22 @@ class Scene:
         if not 0 <= threads < 2**32:
             raise ArgumentError(f"threads is {threads}; give 0 for all processors")
         options = _library.Options(cache_bytes=_bytes_of(cache), threads=threads)
-        opened = ctypes.c_void_p()
-        left = threading.Event()
+        lock, left = threading.Lock(), []
 
         def open_store():
+            opened = ctypes.c_void_p()
             _library.call("open", os.fsencode(path), options, ctypes.byref(opened))
-            if left.is_set():
-                _library.call("close", opened)
+            with lock:
+                if not left:
+                    self._handle = opened.value
+                    return
+            _library.call("close", opened)
 
-        _interruptibly(open_store, left.set, waits=False)
-        self._handle = opened.value
+        def leave():
+            with lock:
+                left.append(True)
+
+        _interruptibly(open_store, leave, waits=False)  # __del__ closes what was opened until then
         self._path = os.fspath(path)
         self._description = _library.Description()
         _library.call("describe", self._handle, self._description)
@@ -221,14 +231,14 @@ class Scene:
         """
         asked = _RaySet(rays, tnear, tfar, glass)
         arrays, hits = self._make(fields, asked.count)
-        self._ask(asked, "nearest", hits)
+        self._ask(asked, "nearest", hits, keep=arrays)
         return self._shaped(arrays, asked, asked.shape)
 
     def test_occlusions(self, rays: numpy.ndarray, tnear=None, tfar=None, *, glass: str = "surface") -> numpy.ndarray:
         """Whether each ray hits anything between tnear and tfar. Returns bool of the rays' leading shape. Else as cast_rays()."""
         asked = _RaySet(rays, tnear, tfar, glass)
         hit = numpy.empty(asked.count, dtype=numpy.bool_)
-        self._ask(asked, "any", _address(hit))
+        self._ask(asked, "any", _address(hit), keep=hit)
         return hit.reshape(asked.shape)
 
     def count_intersections(self, rays: numpy.ndarray, *, tnear=None, tfar=None, glass: str = "surface") -> numpy.ndarray:
@@ -248,7 +258,7 @@ class Scene:
         splits = numpy.zeros(asked.count + 1, dtype=numpy.int64)
         numpy.cumsum(counts, out=splits[1:])
         arrays, hits = self._make(fields, int(splits[-1]))
-        self._ask(asked, "all", _address(splits), hits)
+        self._ask(asked, "all", _address(splits), hits, keep=(splits, arrays))
         result = self._shaped(arrays, asked, (int(splits[-1]),))
         return {"ray_splits": splits, "ray_ids": numpy.repeat(numpy.arange(asked.count, dtype=numpy.int64), counts), **result}
 
@@ -286,7 +296,7 @@ class Scene:
 
     def _count(self, asked):
         counts = numpy.empty(asked.count, dtype=numpy.int32)
-        self._ask(asked, "count", _address(counts))
+        self._ask(asked, "count", _address(counts), keep=counts)
         return counts
 
     @staticmethod
@@ -304,9 +314,14 @@ class Scene:
             arrays["t_hit"] = arrays["t_hit"].astype(numpy.float32)
         return {name: array.reshape((*shape, *_FIELDS[name][2])) for name, array in arrays.items()}
 
-    def _ask(self, asked, name, *outputs):
+    def _ask(self, asked, name, *outputs, keep):
+        """`keep`: the arrays behind the addresses in `outputs`; the call on the other thread holds them."""
         handle = self._handle_or_raise()
-        _interruptibly(lambda: _library.call(name, handle, asked.given, *outputs), lambda: self._cancel(handle, asked.given.tag))
+
+        def work(_held=(asked, keep)):
+            _library.call(name, handle, asked.given, *outputs)
+
+        _interruptibly(work, lambda: self._cancel(handle, asked.given.tag))
 
     @staticmethod
     def _cancel(handle, tag):

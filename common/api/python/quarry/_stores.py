@@ -7,7 +7,7 @@ import pathlib
 import re
 import shutil
 import subprocess
-import sys
+import uuid
 
 import numpy
 
@@ -108,8 +108,8 @@ def store_of_mesh(vertices, triangles, up_axis: str) -> str:
     store = _folder() / f"{key.hexdigest()[:32]}.quarry"
     if store.exists():
         return str(store)
-    # Under a name of its own: another process may make the same.
-    made = store.with_name(f"{store.stem}.{os.getpid()}.quarry")
+    # Under a name of its own: another thread or process may make the same.
+    made = store.with_name(f"{store.stem}.{uuid.uuid4().hex}.quarry")
     command = [_command(), "preprocess", "-", "-o", made, "--quiet", "--up-axis", up_axis]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
         try:
