@@ -121,7 +121,7 @@ class Programs(Installation):
             "quarry render --mod": "--mode",
             "quarry render x.ply --mode wh": "whitted",
             "quarry render --aov depth,nor": "depth,normal",
-            "quarry cache ": "list limit clear",
+            "quarry cache ": "list add limit clear",
             "quarry bench ker": "kernels",
             "quarry-scene pl": "plant",
             "quarry-scene plant --tri": "--triangles",
