@@ -161,6 +161,58 @@ class Library(Case):
         done = subprocess.run([program, store], capture_output=True, text=True, timeout=TIMEOUT_S)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, "", ""))
 
+    def test_memory_is_within_what_the_header_states(self):
+        store = self.store("plant", 300000, voxel_size="64K")
+        program = self.compile("memory", """
+            #include <quarry.h>
+            #include <stdio.h>
+            #include <stdlib.h>
+            #include <string.h>
+            #define COUNT 300000
+            static float numbers[COUNT][6];
+            static uint8_t hit[COUNT];
+            static uint32_t counts[COUNT], part[COUNT];
+            static double t[COUNT];
+            static long peak(void) {  /* KiB */
+              char line[256];
+              long found = 0;
+              FILE *file = fopen("/proc/self/status", "r");
+              while (fgets(line, sizeof line, file)) if (!strncmp(line, "VmHWM:", 6)) found = atol(line + 6);
+              fclose(file);
+              return found;
+            }
+            int main(int argc, char **argv) {
+              quarry_options options = QUARRY_OPTIONS_INIT;
+              quarry_description d = QUARRY_DESCRIPTION_INIT;
+              quarry_rays rays = QUARRY_RAYS_INIT;
+              quarry_hits hits = QUARRY_HITS_INIT;
+              quarry_scene *scene;
+              (void)argc;
+              options.cache_bytes = 4u << 20;
+              options.threads = (uint32_t)atoi(argv[2]);
+              memset(hit, 1, sizeof hit), memset(counts, 1, sizeof counts), memset(part, 1, sizeof part), memset(t, 1, sizeof t);
+              if (quarry_open(argv[1], &options, &scene) || quarry_describe(scene, &d)) return 1;
+              srand(1);
+              for (int i = 0; i < COUNT; ++i)
+                for (int k = 0; k < 3; ++k) {
+                  numbers[i][k] = (float)(d.lower[k] + (d.upper[k] - d.lower[k]) * i / COUNT);
+                  numbers[i][3 + k] = (float)rand() / (float)RAND_MAX - 0.5f;
+                }
+              const long before = peak();
+              rays.count = COUNT, rays.type = QUARRY_FLOAT32, rays.origins = numbers, rays.directions = &numbers[0][3], rays.stride = sizeof numbers[0];
+              hits.t = t, hits.part = part;
+              if (quarry_any(scene, &rays, hit) || quarry_nearest(scene, &rays, &hits) || quarry_count(scene, &rays, counts)) return 2;
+              quarry_statistics s = QUARRY_STATISTICS_INIT;
+              if (quarry_measure(scene, &s)) return 3;
+              const long allowed = 4096 + 32768 + 4096L * atol(argv[2]) + 400 * (long)d.voxels / 1024 + 3072;
+              printf("%ld of %ld KiB, %lu evictions\\n", peak() - before, allowed, (unsigned long)s.evictions);
+              return peak() - before > allowed || s.evictions == 0 ? 4 : quarry_close(scene) != QUARRY_OK;
+            }
+        """, *self.against_library(), strict=("-std=gnu99", "-Wall"))
+        for threads in ("1", "4"):
+            done = subprocess.run([program, store, threads], capture_output=True, text=True, timeout=TIMEOUT_S)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
     def test_failing_allocations_are_errors_of_calls(self):
         """Each allocation fails once, and from each on all fail for a while: a call returns QUARRY_MEMORY or does without."""
         store = self.store("plant", 5000)

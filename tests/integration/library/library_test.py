@@ -1,10 +1,12 @@
 """libquarry as other programs use it: the Python package, `quarry rays`, C by pkg-config, and what the library must leave alone in its process."""
+import http.server
 import os
 import pathlib
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 
 sys.dont_write_bytecode = True
@@ -162,6 +164,54 @@ class Python(Case):
         again = quarry.Scene.from_triangles(self.vertices, self.triangles)
         self.assertEqual(again._path, self.scene._path)
         self.assertEqual(sorted(pathlib.Path(again._path).parent.iterdir()), [pathlib.Path(again._path)])
+
+
+class Ranges(http.server.BaseHTTPRequestHandler):
+    """Serves ranges of one file; while `away`, connections end without an answer."""
+    protocol_version = "HTTP/1.1"
+    file, away = b"", False
+
+    def do_GET(self):
+        if Ranges.away:
+            self.close_connection = True
+            return
+        first, last = (int(x) for x in self.headers["Range"].removeprefix("bytes=").split("-"))
+        part = Ranges.file[first:last + 1]
+        self.send_response(206)
+        self.send_header("Content-Range", f"bytes {first}-{first + len(part) - 1}/{len(Ranges.file)}")
+        self.send_header("Content-Length", str(len(part)))
+        self.end_headers()
+        self.wfile.write(part)
+
+    def log_message(self, *_):
+        pass
+
+
+class Remote(Case):
+    def test_a_server_that_was_away_is_asked_again(self):
+        store = self.store("plant", 20000, voxel_size="16K")
+        Ranges.file, Ranges.away = pathlib.Path(store).read_bytes(), False
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Ranges)
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        self.addCleanup(server.server_close)
+        self.addCleanup(server.shutdown)
+        with quarry.Scene(store) as local:
+            lower, upper = local.bounds
+            places = numpy.random.default_rng(5).random((5000, 3)) * (upper - lower) + lower
+            rays = numpy.concatenate([places, numpy.random.default_rng(6).random((5000, 3)) - 0.5], axis=1)
+            expected = local.cast_rays(rays)
+            largest = local._description.largest_block_bytes
+        # A cache of one block, so that each call needs the server.
+        with quarry.Scene(f"http://127.0.0.1:{server.server_port}/s.quarry", cache=largest) as scene:
+            self.assertTrue((scene.cast_rays(rays)["t_hit"] == expected["t_hit"]).all())
+            Ranges.away = True
+            with self.assertRaisesRegex(quarry.SourceError, "127.0.0.1"):
+                scene.cast_rays(rays)
+            Ranges.away = False
+            again = scene.cast_rays(rays)
+            for field in FIELDS:
+                self.assertTrue((again[field] == expected[field]).all(), field)
 
 
 class Pictures(Case):
