@@ -7,7 +7,7 @@ namespace quarry::api {
 
 /// Of this library, for quarry_version().
 extern const char* const kRelease;
-/// What quarry_error() says on this thread, and keeps: the text, cut to 1,023 bytes.
+/// The sentence of quarry_error() on this thread. KeepSentence() replaces it; a text is cut to 1,023 bytes.
 const char* Sentence();
 void KeepSentence(const char* text);
 

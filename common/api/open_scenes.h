@@ -21,8 +21,8 @@ class OpenScenes {
     std::shared_ptr<OpenScene> scene;  ///< of kOpen
   };
 
-  /// Those of the calling process. After fork() the child begins with none and touches nothing of its
-  /// parent's, whose locks may be held by threads that the child lacks.
+  /// The scenes of the calling process. After fork() the child has none, and touches nothing of its parent's:
+  /// threads that the child lacks may hold locks there.
   static OpenScenes& OfThisProcess();
   quarry_scene* Add(std::shared_ptr<OpenScene> scene);
   Found Find(quarry_scene* handle);

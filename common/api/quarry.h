@@ -7,7 +7,7 @@
 
    Rays. Positions are the model's own, as in its file. In double, META's offset is subtracted from an origin,
    the direction is made unit, and an origin far from the scene is moved along the ray to the scene's box;
-   then origin and direction are rounded to float, once. The hits are those of that ray of floats. `t` comes
+   then origin and direction are rounded to float, once. Quarry traces that ray of floats. `t` comes
    back in lengths of the direction as given: the hit lies at origin + t * direction.
 
    Surfaces. A hole that a texture's cut-off makes is none. A surface without a cut-off is there where its
@@ -70,7 +70,7 @@ typedef enum quarry_status {
   QUARRY_FORKED = 7     /* the scene was opened before fork(), by the parent */
 } quarry_status;
 
-/* The id of what is not there: a triangle where a ray hits nothing. */
+/* Stands for no id: for the triangle of a ray that hits nothing. */
 #define QUARRY_NONE 0xFFFFFFFFu
 
 /* The sentence of this thread's last failed call, in UTF-8, without control codes; "" before the first. It
@@ -181,7 +181,7 @@ QUARRY_API quarry_status quarry_all(quarry_scene* scene, const quarry_rays* rays
 #define QUARRY_EVERY_TAG UINT64_MAX
 QUARRY_API quarry_status quarry_cancel(quarry_scene* scene, uint64_t tag);
 
-/* Rays through the centres of a picture's pixels, those of Quarry's pictures: `width` x `height` rays of six
+/* Rays through the centres of pixels, as `quarry render` shoots them: `width` x `height` rays of six
    numbers, origin and direction, row by row from the upper left. At t = 1 a ray is at distance 1 along the
    axis of view. `fov_degrees`: the vertical angle, or with QUARRY_HORIZONTAL the horizontal one, in (0, 179].
    `eye`, `at` and `up` are three numbers. Errors: ARGUMENT, PROCESSOR. */

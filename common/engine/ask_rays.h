@@ -11,7 +11,8 @@ namespace quarry {
 
 /// The answers to rays of a vector.
 struct RayAnswers {
-  /// One a ray. With kAll all hits of the first ray, then those of the second, and so on; with kCount none.
+  /// With kNearest and kAny one for each ray. With kAll all hits of the first ray, then of the second, and so
+  /// on. With kCount none.
   std::vector<Hit> hits;
   std::vector<uint32_t> counts;      ///< with kCount and kAll: the number of each ray's hits
   std::vector<HitSurface> surfaces;  ///< of the hits, if asked for

@@ -259,6 +259,21 @@ class Library(Case):
                 failed += done.stdout == "4"
         self.assertGreater(failed, 100)
 
+    def test_unknown_instruction_sets_and_empty_files_are_errors(self):
+        store = self.store("plant", 5000)
+        pathlib.Path(self.path("empty")).touch()
+        program = self.compile("refused", ASKS + """
+            int main(int argc, char **argv) {
+              (void)argc;
+              const int status = ask(argv[1]);
+              printf("%d %s", status, said);
+              return 0;
+            }
+        """, *self.against_library(), strict=("-std=gnu99", "-Wall"))
+        for place, isa, said in ((store, "sse2", "^6 QUARRY_ISA names no instruction set"), (self.path("empty"), "avx2", "^3 .*empty: ")):
+            done = subprocess.run([program, place], capture_output=True, text=True, timeout=TIMEOUT_S, env={**os.environ, "QUARRY_ISA": isa})
+            self.assertRegex(done.stdout, said)
+
     def test_a_processor_without_avx2_is_an_error(self):
         emulator = shutil.which("qemu-x86_64")
         if not emulator:

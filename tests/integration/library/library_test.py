@@ -151,6 +151,27 @@ class Python(Case):
         self.assertEqual(child.wait(), 0)
         child.stdout.close()
 
+    def test_a_second_ctrl_c_leaves_the_arrays_alone(self):
+        """The library may still write when the second one comes: the process ends by the interrupt, and by no fault."""
+        script = textwrap.dedent(f"""
+            import numpy, quarry
+            scene = quarry.Scene({self.scene._path!r})
+            rays = numpy.tile(numpy.array([[654340.0, 4000020.0, 20.0, 0.3, 0.2, -2.0]]), (1_000_000, 1))
+            print("ready", flush=True)
+            while True:
+                scene.list_intersections(rays)
+        """)
+        for pause in (0, 0.002, 0.01, 0.02):
+            child = subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+                                     env={**os.environ, "PYTHONPATH": str(API / "python")})
+            self.assertEqual(child.stdout.readline(), "ready\n")
+            time.sleep(0.3)
+            child.send_signal(signal.SIGINT)
+            time.sleep(pause)
+            child.send_signal(signal.SIGINT)
+            self.assertEqual(child.wait(), -signal.SIGINT)
+            child.stdout.close()
+
     def test_a_mesh_and_the_command_make_the_same_store(self):
         ply = self.path("net.ply")
         from quarry import _stores
@@ -279,6 +300,28 @@ class Command(Case):
         self.ask(ends, "--any", "-o", out)
         self.assertFalse(numpy.load(out).any())
 
+    def test_memory_of_windows(self):
+        store = self.store("plant", 100000)
+        numpy.save(self.path("many.npy"), numpy.random.default_rng(3).random((1_500_000, 6)) * [200, 200, 100, 1, 1, 1] - [100, 100, 0, 0.5, 0.5, 0.5])
+        for ask in ((), ("--any",), ("--all",)):
+            with open(self.path("many.npy"), "rb") as given:
+                child = subprocess.Popen([BIN / "quarry", "rays", store, "-o", self.path("many.out"), "--force", "--quiet", "--cache", "16M", "--memory", "32M",
+                                          "--threads", "2", *ask], stdin=given)
+                peak = 0  # KiB; asked of the program itself, since wait4() counts this process's own before exec() too
+                while child.poll() is None:
+                    for line in pathlib.Path(f"/proc/{child.pid}/status").read_text().splitlines():
+                        if line.startswith("VmHWM:") and os.readlink(f"/proc/{child.pid}/exe") == os.path.realpath(BIN / "quarry"):
+                            peak = int(line.split()[1])
+                    time.sleep(0.01)
+            self.assertEqual(child.returncode, 0)
+            self.assertGreater(peak / 1024, 16)
+            self.assertLess(peak / 1024, 16 + 32 + 32 + 2 * 4 + 1, ask)
+
+    def test_no_rays_have_no_answers(self):
+        for ask in ((), ("--any",), ("--count",), ("--all",)):
+            self.ask(self.rays[:0], "-o", self.path("none.npy"), "--force", *ask)
+            self.assertEqual(len(numpy.load(self.path("none.npy"))), 0)
+
     def test_bad_input_is_named_by_its_byte_and_leaves_the_output_as_it_was(self):
         out = pathlib.Path(self.path("hits.npy"))
         numpy.save(self.path("x.npy"), self.rays)
@@ -328,6 +371,14 @@ class Examples(Case):
             (x0, y0, _), (x1, y1, _) = scene.bounds
         said = self.run_example("line_of_sight.py", terrain, (x0 + x1) / 2, (y0 + y1) / 2, self.path("seen.ply"), "--points", 40000, "--height", 50)
         self.assertTrue(0.2 < float(said.split()[0]) < 60, said)
+
+
+    def test_the_page_s_example(self):
+        page = (ROOT / "deploy/RAYS.md").read_text()
+        self.store("plant", 20000)
+        done = subprocess.run([sys.executable, "-c", page.split("```python\n")[1].split("```")[0] + "\nprint(len(seen), shaded.shape)"], cwd=self.folder,
+                              capture_output=True, text=True, timeout=300 * PATIENCE, env={**os.environ, "PYTHONPATH": str(API / "python")})
+        self.assertRegex(done.stdout, r"^[1-9]\d* \(480, 640\)$", done.stderr)
 
 
 class Wheel(Case):

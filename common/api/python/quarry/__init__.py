@@ -10,7 +10,7 @@ them, into a cache of fixed size. Rays that pass between two triangles which sha
         hits = scene.cast_rays(rays)
         print(hits["t_hit"], [scene.parts[i] for i in hits["geometry_ids"] if i != quarry.INVALID_ID])
 
-Names and shapes are those of Open3D's RaycastingScene. Positions are the model's own; `t` counts lengths of the direction as given.
+Names and shapes follow Open3D's RaycastingScene. Positions are the model's own; `t` counts lengths of the direction as given.
 """
 from ._errors import ArgumentError, CancelledError, DataError, Error, ForkedError, ProcessorError, SourceError
 from ._library import INVALID_ID, version

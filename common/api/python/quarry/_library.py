@@ -5,7 +5,7 @@ import pathlib
 
 from ._errors import BY_STATUS
 
-INVALID_ID = 0xFFFFFFFF  #: the id of what is not there: a triangle where a ray hits nothing
+INVALID_ID = 0xFFFFFFFF  #: stands for no id: for the triangle of a ray that hits nothing
 
 _SONAME = "libquarry.so.0"
 

@@ -224,7 +224,7 @@ class Scene:
 
         rays: float32 or float64, shape (..., 6): origin and direction, whose length may be any but 0. tnear, tfar: one number, or one a ray, in lengths of
         the direction; hits lie from tnear on and before tfar. glass: 'surface', or 'pass' for materials that let light through to be no surfaces.
-        fields: those of the result that are wanted; fewer are faster.
+        fields: the arrays to return; fewer are faster.
         Returns arrays by name, of the rays' leading shape: t_hit (of the rays' dtype; inf where there is no hit), geometry_ids (parts), primitive_ids,
         primitive_uvs, primitive_normals (unit, by the triangle's winding), material_ids. Ids are INVALID_ID where there is no hit.
         Errors: ArgumentError (names the argument and the ray), SourceError, DataError, MemoryError, CancelledError.
