@@ -86,8 +86,9 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   refills_ = needs.refills;
   gathers_ = view_->filter && !refills_;
   first_ = needs.any_hit ? SamplePacket::kShadow : SamplePacket::kTraverse;
-  const auto packets = static_cast<uint32_t>(
-      std::min<uint64_t>(RayBatch::kPackets, (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
+  const auto packets =
+      static_cast<uint32_t>(std::min<uint64_t>(makes_pixels_ ? RayBatch::kTilePackets : RayBatch::kPackets,
+                                               (source.left() + RayPacket::kRays - 1) / RayPacket::kRays));
   batch_.Open(packets);
   samples_.resize(packets);
   Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);

@@ -18,7 +18,8 @@ namespace quarry {
 /// ray i. Owned by one thread.
 class RayBatch {
  public:
-  static constexpr uint32_t kPackets = 16;  ///< limit of packets
+  static constexpr uint32_t kPackets = 64;      ///< limit of packets
+  static constexpr uint32_t kTilePackets = 16;  ///< limit of the packets of a tile
 
   /// Rays that wait for one block.
   struct Parked {

@@ -30,8 +30,9 @@ struct TracedRay {
 /// + t from the query's origin. Requires: CheckRay(). Thread-safe.
 TracedRay RayOfQuery(const RayQuery& query, const SceneMeta& scene);
 
-/// Limit of the rays of a part. A judgement: as many as the points of a tile.
-inline constexpr uint32_t kMostRays = 1024;
+/// Limit of the rays of a part. Trades rays that pass a voxel together against memory
+/// (tests/bench/history/rays.md, 2026-11-30).
+inline constexpr uint32_t kMostRays = 4096;
 
 /// The rays of a part of a list, in its order. Not thread-safe.
 class RayList final : public RaySource {
