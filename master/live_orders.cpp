@@ -7,7 +7,7 @@ namespace quarry {
 void LiveOrders::SetUp(uint32_t worker, FrameId frame, const View& view) {
   WorkerRecord* w = workers_.FindById(worker);
   if (!w) return;
-  w->TellSelection(view.parts);
+  w->TellNeedsOf(view);
   w->connection->Send(MakeMessage(MessageType::kFrameSetup, FrameSetup{frame, view, 0}));
 }
 

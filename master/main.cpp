@@ -25,6 +25,7 @@ namespace {
 Status CheckOutputs(const MasterOptions& options, const SecurityOptions& security,
                     const std::string& token_file) {
   OutputGuard guard(OutputGuard::Force::kNotOffered);
+  for (const std::string& environment : options.environments) guard.AddInput(environment);
   for (const std::string* file : {&options.scene, &security.secret_file, &security.tls_cert,
                                   &security.tls_key, &security.tls_ca, &token_file})
     guard.AddInput(*file);
@@ -116,6 +117,8 @@ int Main(int argc, char** argv) {
          "HOST:PORT to listen at (port 0: a free one; beyond loopback only with a secret or certificates)")
       ->envname("QUARRY_LISTEN")
       ->capture_default_str();
+  app.add_option("--environment", options.environments,
+                 "The store of a photographed sky that views may name; several may be given");
   app.add_flag("--serve-only", options.serve_only, "Only serve voxels");
   app.add_option("--source", options.sources,
                  "Source of the workers' voxels; several share the load: master, HOST:PORT of one with "

@@ -49,7 +49,8 @@ std::vector<uint32_t> StoredBytes(const Catalog& catalog) {
 
 }  // namespace
 
-Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
+Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene,
+               const std::vector<Scene>& environments, std::optional<Spool> spool,
                std::optional<TileLog> tile_log)
     : io_(io),
       options_(options),
@@ -57,6 +58,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
       source_(scene_.MakeSource([&io](std::function<void()> task) { asio::post(io, std::move(task)); })),
       block_bytes_(StoredBytes(catalog())),
       blocks_(*source_, catalog()),
+      environments_(io, environments),
       packed_catalog_(PackSections(scene_.store().catalog_sections())),
       selections_(scene_.store()),
       orders_(registry_),
@@ -72,8 +74,9 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene, 
                meter_.Begin(job.id, FrameView(job.job), std::move(done));
                AssignSoon();
              },
-             [this](View& view) {
-               view.range = RangeOf(view, catalog());
+             [this](View& view) -> Status {
+               QUARRY_TRY(environments_.Complete(view));
+               view.range = RangeOf(view, catalog(), environments_.TableOf(view));
                return selections_.Complete(view);
              }}),
       frames_(
@@ -103,8 +106,9 @@ Status Server::Run() {
                                io_, options_.listen, options_.security,
                                [this](ConnectionPtr c) { OnConnection(c); }, std::move(listening)));
   if (options_.display) {
-    QUARRY_ASSIGN(display_, Display::Open(io_, *options_.display, scene_, selections_, registry_, queries_,
-                                          ForViewers(), [this](const std::string& line) { Log(line); }));
+    QUARRY_ASSIGN(display_,
+                  Display::Open(io_, *options_.display, scene_, selections_, environments_, registry_,
+                                queries_, ForViewers(), [this](const std::string& line) { Log(line); }));
     Print(fmt::format("viewing {}\n", display_->url()));
   }
   Print(fmt::format("listening {}\n", TextOf({options_.listen.host, listener_->port()})));
@@ -179,7 +183,8 @@ Status Server::OnHello(const ConnectionPtr& c, const Message& m) {
             : hello.role == Role::kVoxels ? Speaker::kVoxels
                                           : Speaker::kClient);
   if (hello.role != Role::kVoxels) liveness_.Add(c, Now());
-  Welcome welcome{catalog().id, 0, options_.sources};
+  Welcome welcome{catalog().id, 0, options_.sources, environments_.largest_bytes()};
+  if (environments_.Greet(c, hello.store)) welcome.scene_id = hello.store;
   if (hello.role == Role::kWorker) welcome.worker = AddWorker(c, hello);
   c->Send(MakeMessage(MessageType::kWelcome, welcome));
   if (hello.role == Role::kWorker)
@@ -199,7 +204,10 @@ Status Server::OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
   if (c->queued_bytes() > kMaxQueuedBytes)
     return Lose(c, "it does not read the answers to its requests"), Status{};
   if (m.type == MessageType::kPing) return {};
-  if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) return blocks_.Answer(c, m);
+  if (role == Role::kVoxels && m.type == MessageType::kBlockRequest) {
+    BlockService* const of_environment = environments_.ServiceOf(c);
+    return (of_environment ? *of_environment : blocks_).Answer(c, m);
+  }
   if (role == Role::kClient && m.type == MessageType::kRenderJob) {
     QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
     return jobs_.Ask(c, std::move(request));
@@ -223,6 +231,7 @@ void Server::OnGone(const ConnectionPtr& c, const Error& error, bool dropped) {
   roles_.erase(c.get());
   liveness_.Forget(c);
   blocks_.Forget(c);
+  environments_.Forget(c);
   if (const WorkerRecord* worker = registry_.Find(c.get())) {
     Log(fmt::format("worker {} is gone: {}", worker->name, error.message));
     const uint32_t id = worker->id;
@@ -285,7 +294,7 @@ void Server::SendTile(AssignedTile& tile, FrameId oldest) {
   WorkerRecord& worker = *registry_.FindById(tile.worker);
   const FrameId id = tile.frame->id();
   if (worker.frames_told.insert(id).second) {
-    worker.TellSelection(tile.frame->view().parts);
+    worker.TellNeedsOf(tile.frame->view());
     worker.connection->Send(
         MakeMessage(MessageType::kFrameSetup, FrameSetup{id, tile.frame->view(), oldest}));
     worker.frames_told.erase(worker.frames_told.begin(), worker.frames_told.lower_bound(oldest));
@@ -332,6 +341,8 @@ void Server::Tick() {
   for (const ConnectionPtr& c : liveness_.Silent(Now()))
     Lose(c, fmt::format("silent for {:.0f} seconds", kSilenceS));
   for (const ConnectionPtr& c : blocks_.Stalled()) Lose(c, "it does not read the answers to its requests");
+  for (const ConnectionPtr& c : environments_.Stalled())
+    Lose(c, "it does not read the answers to its requests");
   for (const uint32_t id : dispatcher_.MuteWorkers()) {
     const ConnectionPtr mute = registry_.FindById(id)->connection;
     Lose(mute, fmt::format("it has answered nothing for {:.0f} s, while others finished tiles that it held",
@@ -353,7 +364,10 @@ void Server::Tick() {
 Status RunMaster(const MasterOptions& options) {
   for (const std::string& source : options.sources) QUARRY_TRY(ParseSource(source));
   QUARRY_ASSIGN(StoreReader store, OpenStore(options.scene, options.http));
+  QUARRY_TRY(CheckIsScene(store));
   const Scene scene(std::make_shared<const StoreReader>(std::move(store)));
+  QUARRY_ASSIGN(const std::vector<Scene> environments,
+                Environments::Open(options.environments, options.http));
   std::optional<Spool> spool;
   if (!options.spool.empty()) {
     QUARRY_ASSIGN(spool, Spool::Open(options.spool, scene.catalog().id));
@@ -368,7 +382,7 @@ Status RunMaster(const MasterOptions& options) {
         "--foresight of {} is less than the scene's largest block, {} bytes; give at least that, or 0",
         FormatSize(options.foresight_bytes), largest));
   asio::io_context io;
-  Server server(io, options, scene, std::move(spool), std::move(tile_log));
+  Server server(io, options, scene, environments, std::move(spool), std::move(tile_log));
   return server.Run();
 }
 

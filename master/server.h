@@ -21,6 +21,7 @@
 #include "master/block_service.h"
 #include "master/cluster_status.h"
 #include "master/display/display.h"
+#include "master/environments.h"
 #include "master/job_meter.h"
 #include "master/jobs/job_frames.h"
 #include "master/jobs/jobs.h"
@@ -33,7 +34,8 @@
 namespace quarry {
 
 struct MasterOptions {
-  std::string scene;  ///< path of the store
+  std::string scene;                      ///< path of the store
+  std::vector<std::string> environments;  ///< places of the environments' stores
   Endpoint listen{"127.0.0.1", 0};
   bool serve_only = false;           ///< blocks only: no workers, no jobs
   std::vector<std::string> sources;  ///< where workers get voxels, as ParseSource has them; empty: here
@@ -53,8 +55,8 @@ struct MasterOptions {
 class Server {
  public:
   /// `io` and `options` must outlive this.
-  Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene, std::optional<Spool> spool,
-         std::optional<TileLog> tile_log);
+  Server(boost::asio::io_context& io, const MasterOptions& options, Scene scene,
+         const std::vector<Scene>& environments, std::optional<Spool> spool, std::optional<TileLog> tile_log);
 
   /// Listens, and serves until a signal ends the program; prints on standard output "listening HOST:PORT",
   /// with a live view before it "viewing URL" and after it "serving HOST:PORT", the address of the pages
@@ -109,6 +111,7 @@ class Server {
   const std::unique_ptr<VoxelSource> source_;
   const std::vector<uint32_t> block_bytes_;  ///< stored, by block
   BlockService blocks_;
+  Environments environments_;
   Bytes packed_catalog_;
   double decoded_per_stored_ = 1;  ///< bytes, of all blocks
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
@@ -116,7 +119,7 @@ class Server {
   std::set<ConnectionPtr> newcomers_;  ///< have not greeted yet
   std::map<const Connection*, Role> roles_;
   LivenessMonitor liveness_;  ///< of workers and clients
-  WorkerRegistry registry_;
+  WorkerRegistry registry_{&environments_};
   bool assigning_ = false;        ///< AssignTiles() is posted
   bool workers_changed_ = false;  ///< plans and peers do not show it yet
   bool said_farewell_ = false;

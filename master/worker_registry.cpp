@@ -26,12 +26,25 @@ void WorkerRecord::TellSelection(const ViewParts& parts) {
   connection->Send(MakeMessage(MessageType::kSelection, *parts.selection));
 }
 
+void WorkerRecord::TellNeedsOf(const View& view) {
+  TellSelection(view.parts);
+  const SceneId& wanted = view.environment.id;
+  if (!view.environment.shines() || !environments || environments_told.contains(wanted)) return;
+  const Environments::Served* const served = environments->Find(wanted);
+  if (!served) return;
+  environments_told.insert(wanted);
+  Message m = MakeMessage(MessageType::kEnvironment, EnvironmentSetup{wanted});
+  m.raw = served->packed_catalog;
+  connection->Send(std::move(m));
+}
+
 WorkerRecord& WorkerRegistry::Add(const std::shared_ptr<Connection>& connection, const Hello& hello) {
   if (known_.size() > kMostKnown) known_.clear();
   const auto [known, fresh] = known_.try_emplace(hello.instance, next_id_);
   if (fresh) ++next_id_;
   WorkerRecord& worker = workers_[known->second];
   worker.connection = connection;
+  worker.environments = environments_;
   worker.id = known->second;
   worker.instance = hello.instance;
   worker.name = hello.name;

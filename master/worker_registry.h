@@ -11,6 +11,7 @@
 #include "common/engine/adaptive_queue_depth.h"
 #include "common/net/connection.h"
 #include "common/protocol/messages.h"
+#include "master/environments.h"
 #include "master/schedule/dispatcher.h"
 
 namespace quarry {
@@ -24,18 +25,24 @@ struct WorkerRecord : WorkerState {
   WorkerStatus counters;  ///< without lists of blocks
   std::set<FrameId> frames_told;
   std::deque<uint64_t> selections_told;  ///< the newest kMostSelections, which it keeps
+  std::set<SceneId> environments_told;
+  const Environments* environments = nullptr;  ///< null: there are none
   bool has_scene = false;  ///< it has confirmed the catalog, so it can get the list of other workers
 
   /// `port`: at the connection's host; 0: it serves no blocks.
   void SetServesAt(uint16_t port);
   /// Sends a view's selection, unless the worker has it. Call before a message that names the selection.
   void TellSelection(const ViewParts& parts);
+  /// The same, and the view's environment.
+  void TellNeedsOf(const View& view);
 };
 
 /// The connected workers. A worker that comes back after it has lost its connection keeps its id.
 /// Units: seconds, stored bytes. Not thread-safe.
 class WorkerRegistry {
  public:
+  /// `environments` outlive this; null: there are none.
+  explicit WorkerRegistry(const Environments* environments = nullptr) : environments_(environments) {}
   /// Records stay at their address until removed. Requires: neither the connection nor another one of the
   /// same instance is here.
   WorkerRecord& Add(const std::shared_ptr<Connection>& connection, const Hello& hello);
@@ -65,6 +72,7 @@ class WorkerRegistry {
   uint32_t HolderOf(uint32_t block, uint32_t but) const;
 
  private:
+  const Environments* const environments_;
   std::map<uint32_t, WorkerRecord> workers_;  ///< by id
   std::map<const Connection*, uint32_t> ids_;
   std::map<uint64_t, uint32_t> known_;  ///< instance to id, workers that have gone too

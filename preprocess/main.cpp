@@ -18,6 +18,7 @@
 #include "common/program/run_program.h"
 #include "common/program/version_text.h"
 #include "common/voxel/store_header.h"
+#include "preprocess/environment/environment_stage.h"
 #include "preprocess/estimate/plan.h"
 #include "preprocess/import/decompressor.h"
 #include "preprocess/import/files/model_files.h"
@@ -99,6 +100,11 @@ std::string NameOf(const PreprocessOptions& options) {
 }
 
 void PrintSummary(const PreprocessOptions& options, const PreprocessStatistics& s) {
+  if (IsEnvironment(options))
+    return Log(
+        fmt::format("{}: an environment in {} pages, {} stored, {} once decoded; {:.1f} s, peak memory {}",
+                    NameOf(options), s.textures.pages, FormatSize(s.store_bytes),
+                    FormatSize(s.textures.decoded_bytes), s.preprocess_wall_s, FormatSize(s.peak_rss_bytes)));
   Log(
       fmt::format("{}: {} triangles in {} voxels, {} ({:.1f} bytes a triangle)\n"
                   "replication {:.2f}, top-level tree {} levels deep; {:.1f} s ({:.2f} million triangles a "
@@ -220,6 +226,16 @@ Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
   return texts.stats.empty() ? Status{} : TakeStatistics(texts, guard);
 }
 
+/// An image alone makes an environment; beside models it is a mistake.
+Status CheckImages(const PreprocessOptions& options) {
+  if (options.models.size() < 2) return {};
+  for (const std::string& model : options.models)
+    if (PreprocessOptions alone{.models = {model}}; IsEnvironment(alone))
+      return BadUsage(fmt::format(
+          "{}: is an image, which makes an environment, a store of its own; give it alone", model));
+  return {};
+}
+
 Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
   const std::string &up = texts.up, &stats = texts.stats;
   QUARRY_ASSIGN(options.memory, ParseSize(texts.memory, "--memory"));
@@ -235,13 +251,16 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
+  QUARRY_TRY(CheckImages(options));
   options.up_axis = up == "y" ? 1 : up == "z" ? 2 : StatedUpAxis(options.models);
   QUARRY_TRY(ParseDeflection(texts.deflection, options));
-  if (options.up_axis == 0) options.up_habit = UpHabitOf(options.models, options.unpack_limit);
+  if (options.up_axis == 0 && !IsEnvironment(options))
+    options.up_habit = UpHabitOf(options.models, options.unpack_limit);
   for (const std::string& place : texts.places) QUARRY_TRY(ParsePlacement(place, options));
   QUARRY_TRY(CheckOutputs(texts, options));
+  if (plan && IsEnvironment(options)) return BadUsage("--plan has no effect on an image; leave it out");
   if (plan) return PrintPlan(options, stats);
-  if (options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
+  if (!IsEnvironment(options) && options.resume == PreprocessOptions::Resume::kNo && RoomIsTight(options)) {
     if (!options.quiet) Log("reading the model first, to check that the disk has room (see --plan)");
     QUARRY_ASSIGN(const PreprocessPlan needed, MakePlan(options));
     QUARRY_TRY(CheckRoomFor(options, needed));
@@ -262,7 +281,7 @@ int Main(int argc, char** argv) {
       "Cuts triangle models (PLY, OBJ, STL, OFF, NFF, AFF, glTF, 3MF; STEP and IGES by Open CASCADE; others "
       "by Assimp) into a scene store, "
       "out "
-      "of core.",
+      "of core; an image of a sky (HDR, EXR) into the store of an environment.",
       "quarry-preprocess"};
   app.footer(
       "Examples:\n  quarry-preprocess plant.ply -o plant.quarry\n"
@@ -270,6 +289,7 @@ int Main(int argc, char** argv) {
       "  quarry-preprocess hall.obj robot.ply -o cell.quarry --place robot.ply=2.5,0,0.1,90\n"
       "  quarry-preprocess city.obj.zst --plan\n"
       "  quarry-preprocess city.obj.zst -o city.quarry --resume\n"
+      "  quarry-preprocess sunset.hdr -o sunset.quarry\n"
       "  curl -s https://models.example/scan.ply.gz | quarry-preprocess - -o scan.quarry");
   app.set_version_flag(
       "--version", [] { return VersionText("quarry-preprocess"); },

@@ -17,6 +17,7 @@
 #include "common/voxel/store_header.h"
 #include "common/voxel/voxel_block.h"
 #include "preprocess/build_stage.h"
+#include "preprocess/environment/environment_stage.h"
 #include "preprocess/import/importer.h"
 #include "preprocess/import_stage.h"
 #include "preprocess/work_folder.h"
@@ -112,6 +113,11 @@ Result<PreprocessStatistics> Preprocess(const PreprocessOptions& options) {
   QUARRY_ASSIGN(const FileLock lock, TakeOutput(options));
   using Resume = PreprocessOptions::Resume;
   Progress progress(options.quiet);
+  if (IsEnvironment(options)) {
+    auto made = MakeEnvironment(options, progress);
+    if (made) PrintOnSignal(options.output + " is written");
+    return made;
+  }
   auto opened = Begin(options, options.resume != Resume::kNo, progress);
   if (!opened && options.resume == Resume::kIfFit) opened = Begin(options, false, progress);
   if (!opened) return tl::unexpected<Error>(opened.error());

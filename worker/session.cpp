@@ -29,9 +29,11 @@ uint64_t NewInstance() {
 
 }  // namespace
 
-Session::LoadedScene::LoadedScene(Catalog scene, uint64_t cache_bytes)
+/// The largest environment counts as a part of the scene.
+Session::LoadedScene::LoadedScene(Catalog scene, uint64_t cache_bytes, uint64_t environment_bytes)
     : catalog(std::move(scene)),
-      stored_bytes(StoredCache::ShareOf(cache_bytes, catalog.DecodedBytes(), catalog.meta.largest_decoded)) {}
+      stored_bytes(StoredCache::ShareOf(cache_bytes, catalog.DecodedBytes() + environment_bytes,
+                                        catalog.meta.largest_decoded)) {}
 
 Session::Session(const WorkerOptions& options)
     : options_(options),
@@ -163,6 +165,8 @@ Status Session::Dispatch(const Message& m) {
   switch (m.type) {
     case MessageType::kSelection:
       return scene_->selections.Take(m.table, scene_->catalog);
+    case MessageType::kEnvironment:
+      return scene_->environments.Take(m, *io_, OptionsOf(*scene_), *scene_->renderer);
     case MessageType::kFrameSetup:
       return OnFrameSetup(m);
     case MessageType::kTile:
@@ -185,6 +189,7 @@ Status Session::OnWelcome(const Message& m) {
     return Fail("the master serves another scene now; start the worker again");
   scene_id_ = welcome.scene_id;
   worker_ = welcome.worker;
+  environment_bytes_ = welcome.environment_bytes;
   if (sources_.empty()) sources_ = options_.sources.empty() ? welcome.sources : options_.sources;
   welcomed_ = was_welcomed_ = true;
   const std::string joined =
@@ -199,7 +204,7 @@ Status Session::OnCatalog(const Message& m) {
   QUARRY_ASSIGN(const auto sections, UnpackSections(m.raw));
   QUARRY_ASSIGN(Catalog catalog, DecodeCatalog(scene_id_, sections));
   QUARRY_TRY(Renderer::Check(catalog, {options_.cache_bytes}));
-  auto scene = std::make_unique<LoadedScene>(std::move(catalog), options_.cache_bytes);
+  auto scene = std::make_unique<LoadedScene>(std::move(catalog), options_.cache_bytes, environment_bytes_);
   QUARRY_TRY(OpenSupply(*scene));
   QUARRY_TRY(MakeRenderer(*scene));
   scene_ = std::move(scene);
@@ -209,20 +214,23 @@ Status Session::OnCatalog(const Message& m) {
   return {};
 }
 
+SupplyOptions Session::OptionsOf(const LoadedScene& scene) {
+  return {options_.master,
+          options_.security,
+          options_.serving,
+          sources_,
+          !options_.sources.empty(),
+          scene.stored_bytes,
+          options_.disk_cache,
+          options_.http,
+          options_.header_servers,
+          options_.retry_s,
+          [this](const std::string& line) { Log(line); },
+          [&scene] { return scene.renderer->loader().idle(); }};
+}
+
 Status Session::OpenSupply(LoadedScene& scene) {
-  const SupplyOptions supply_options{options_.master,
-                                     options_.security,
-                                     options_.serving,
-                                     sources_,
-                                     !options_.sources.empty(),
-                                     scene.stored_bytes,
-                                     options_.disk_cache,
-                                     options_.http,
-                                     options_.header_servers,
-                                     options_.retry_s,
-                                     [this](const std::string& line) { Log(line); },
-                                     [&scene] { return scene.renderer->idle(); }};
-  QUARRY_ASSIGN(scene.supply, BlockSupply::Open(*io_, scene.catalog, supply_options, scene.inventory));
+  QUARRY_ASSIGN(scene.supply, BlockSupply::Open(*io_, scene.catalog, OptionsOf(scene), scene.inventory));
   if (options_.peers == "off" || scene.stored_bytes == 0) return {};
   if (options_.peers != "auto") {
     QUARRY_ASSIGN(const Endpoint endpoint, ParseEndpoint(options_.peers, "--peers"));
@@ -237,7 +245,7 @@ Status Session::MakeRenderer(LoadedScene& scene) {
   Renderer::Hooks hooks;
   hooks.on_error = [this](const Error& e) { GiveUp(e); };
   hooks.on_block = [&scene](BlockKey block, bool here) {
-    scene.inventory.Set(block, CacheInventory::kDecoded, here);
+    if (block.kind() != BlockKind::kSky) scene.inventory.Set(block, CacheInventory::kDecoded, here);
   };
   hooks.on_idle = [&scene] { scene.supply->Prefetch(); };
   QUARRY_ASSIGN(scene.renderer,
@@ -261,6 +269,8 @@ Status Session::OnPeers(const Message& m) {
 
 Status Session::OnFrameSetup(const Message& m) {
   QUARRY_ASSIGN(FrameSetup setup, DecodeFrameSetup(m.table));
+  if (setup.view.environment.shines() && !scene_->environments.Has(setup.view.environment.id))
+    return Fail("the master named an environment that it has not sent");
   QUARRY_ASSIGN(setup.view.parts.selection, scene_->selections.Find(setup.selection));
   if (setup.frame >= Renderer::kFirstOwnView) return Fail("received a frame whose number is too large");
   scene_->renderer->DropViews(0, setup.oldest);
@@ -340,56 +350,6 @@ void Session::SendTile(const TileOrder& order, RenderedTile result) {
   Message m = MakeMessage(MessageType::kTileDone, done);
   m.raw = std::move(result.pixels);
   connection_->Send(std::move(m));
-}
-
-void Session::SendStatus(bool whole) {
-  if (!connection_ || !welcomed_ || !scene_) return;
-  // Reading the peak from the system costs more than the rest of the report.
-  constexpr auto kOften = std::chrono::milliseconds(50);
-  if (whole || Clock::now() - peak_asked_ > kOften) {
-    peak_asked_ = Clock::now();
-    peak_rss_ = PeakResidentBytes();
-  }
-  connection_->Send(MakeMessage(MessageType::kWorkerStatus, MakeStatus(whole)));
-}
-
-WorkerStatus Session::MakeStatus(bool whole) {
-  WorkerStatus status = Counters();
-  status.whole = whole;
-  if (whole) {
-    status.cached = scene_->catalog.NumbersOf(scene_->inventory.TakeAll());
-  } else {
-    const CacheInventory::Changes changes = scene_->inventory.TakeChanges();
-    status.cached = scene_->catalog.NumbersOf(changes.come);
-    status.dropped = scene_->catalog.NumbersOf(changes.gone);
-  }
-  return status;
-}
-
-/// Without the changes of the cache.
-WorkerStatus Session::Counters() const {
-  if (!scene_) return {};
-  const Renderer::Counters rendered = scene_->renderer->counters();
-  const VoxelCache::Counters& c = rendered.cache;
-  WorkerStatus status{c.bytes,     c.loaded,      c.bytes_loaded,          0,
-                      c.evictions, rendered.rays, rendered.rays_suspended, peak_rss_};
-  const SourceSet::Counters& from = scene_->supply->counters();
-  const StoredCache::Counters stored = scene_->supply->stored();
-  status.bytes_from = from.bytes_from;
-  for (const uint64_t bytes : status.bytes_from) status.voxel_bytes_received += bytes;
-  status.bytes_from[static_cast<size_t>(SourceKind::kMemory)] = stored.hit_bytes;
-  status.bytes_from[static_cast<size_t>(SourceKind::kDisk)] = scene_->supply->bytes_from_disk();
-  status.fetch_us = from.busy_us;
-  status.decode_us = scene_->renderer->decode_us();
-  status.tiles_wanted = rendered.tiles_wanted;
-  status.retries = from.retries;
-  status.hedges = from.hedges;
-  status.damaged = from.damaged;
-  status.stall_us = rendered.stall_us;
-  status.compute_us = rendered.compute_us;
-  status.prefetched_bytes = stored.prefetched_bytes;
-  status.prefetch_wasted_bytes = stored.prefetch_wasted_bytes;
-  return status;
 }
 
 Status RunWorker(const WorkerOptions& options) {

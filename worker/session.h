@@ -14,6 +14,7 @@
 #include "common/protocol/messages.h"
 #include "worker/block_supply.h"
 #include "worker/kept_selections.h"
+#include "worker/loaded_environments.h"
 #include "worker/worker_options.h"
 
 namespace quarry {
@@ -37,12 +38,13 @@ class Session {
  private:
   /// The scene that the master serves, and its renderer.
   struct LoadedScene {
-    LoadedScene(Catalog scene, uint64_t cache_bytes);
+    LoadedScene(Catalog scene, uint64_t cache_bytes, uint64_t environment_bytes);
     const Catalog catalog;
     const uint64_t stored_bytes;  ///< share of --cache for stored blocks
     CacheInventory inventory;
     KeptSelections selections;
     std::unique_ptr<BlockSupply> supply;
+    LoadedEnvironments environments;
     std::unique_ptr<Renderer> renderer;  ///< last, since it uses all of the above
   };
 
@@ -73,6 +75,7 @@ class Session {
   void AwaitOpenTiles();
 
   // --- the scene
+  SupplyOptions OptionsOf(const LoadedScene& scene);
   Status OpenSupply(LoadedScene& scene);
   Status MakeRenderer(LoadedScene& scene);
 
@@ -103,6 +106,7 @@ class Session {
   uint32_t worker_ = 0;               ///< the master's number for this worker
   SceneId scene_id_{};                ///< of the master's Welcome
   std::vector<std::string> sources_;  ///< of the master's Welcome
+  uint64_t environment_bytes_ = 0;    ///< likewise
   std::unique_ptr<HttpServer> metrics_;
   PageBuffer memory_;  ///< of --pretouch, until the scene is known
   std::unique_ptr<LoadedScene> scene_;

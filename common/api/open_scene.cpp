@@ -59,6 +59,7 @@ Result<std::shared_ptr<OpenScene>> OpenScene::Open(const std::string& place, con
   if (options.threads > kMostThreads)
     return BadUsage(fmt::format("options->threads is {}; at most {}", options.threads, kMostThreads));
   QUARRY_ASSIGN(StoreReader store, OpenStore(place, http));
+  QUARRY_TRY(CheckIsScene(store));
   Renderer::Options chosen;
   chosen.cache_bytes = options.cache_bytes == 0 ? kDefaultCache : options.cache_bytes;
   chosen.threads = options.threads == 0 ? UsableProcessors() : options.threads;

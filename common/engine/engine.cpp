@@ -44,8 +44,9 @@ void Engine::WakeAll() {
 
 void Engine::SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator) {
   const std::lock_guard lock(mutex_);
-  views_[number] =
-      std::make_shared<ViewContext>(view, catalog_, surfaces_, std::move(integrator), ShownOf(view.parts));
+  views_[number] = std::make_shared<ViewContext>(
+      view, catalog_, surfaces_, std::move(integrator), ShownOf(view.parts),
+      cache_.slots().FindEnvironment(view.environment.id).value_or(EnvironmentPages{}));
 }
 
 /// The view's selection, made ready once for all views that have it. Requires: mutex_ is held.

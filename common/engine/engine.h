@@ -43,7 +43,8 @@ class Engine {
   ~Engine();
 
   /// Announces a view before its tiles. `integrator`: null for the one of the view's mode. Requires: the view
-  /// is normalized; no view has had `number`; tiles are of integrators that need pixels, lists of others.
+  /// is normalized, and its environment is in the cache; no view has had `number`; tiles are of integrators
+  /// that need pixels, lists of others.
   void SetView(uint64_t number, const View& view, std::shared_ptr<const Integrator> integrator = {});
   /// Forgets the views with numbers in [first, end). Their queued tiles are dropped and their open tiles
   /// abandoned; `done` is called for none of these tiles.

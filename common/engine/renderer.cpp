@@ -70,7 +70,7 @@ Result<std::unique_ptr<Renderer>> Renderer::Create(const Scene& scene, const Opt
 
 void Renderer::Begin(VoxelSource& source, Executor executor, const Options& options) {
   executor_ = std::move(executor);
-  loader_.emplace(catalog_, cache_, source, [this](const Error& error) { Failed(error); });
+  loader_.emplace(cache_, source, [this](const Error& error) { Failed(error); });
   engine_ = std::make_unique<Engine>(catalog_, cache_, options.threads, [this] {
     NoMemory();
     // A compute thread notifies the loader's thread, which owns the hooks. It waits for the memory that this
@@ -114,6 +114,13 @@ Renderer::~Renderer() {
   if (loader_thread_.joinable()) loader_thread_.join();
   source_.reset();  // its threads, too, may report that no memory is left
   engine_.reset();
+}
+
+Status Renderer::AddEnvironment(const Catalog& environment, VoxelSource& source) {
+  if (cache_.slots().FindEnvironment(environment.id)) return {};
+  QUARRY_ASSIGN(const EnvironmentPages pages, cache_.slots().AddEnvironment(environment));
+  loader_->SetEnvironment(pages.number, source);
+  return {};
 }
 
 /// Makes the loader run once, however many calls come before it runs.
@@ -250,6 +257,8 @@ class Renderer::CallEnder {
 Status Renderer::Run(const View& view, std::shared_ptr<const Integrator> integrator, size_t parts,
                      const std::function<Status(uint64_t, size_t, std::function<void(RenderedTile)>)>& queue,
                      const OnTile& on_tile, std::stop_token stop) {
+  if (view.environment.shines() && !cache_.slots().FindEnvironment(view.environment.id))
+    return Fail("the view names an environment that is not known here");
   const auto call = std::make_shared<Call>();
   call->on_tile = &on_tile;
   call->progress.all = static_cast<uint32_t>(parts);

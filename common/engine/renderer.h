@@ -70,6 +70,10 @@ class Renderer {
   ~Renderer();
   /// The scene's, which outlives the renderer.
   const Catalog& catalog() const { return catalog_; }
+  /// Makes an environment known to views, once. Its pages lie in the cache beside the scene's blocks. Both
+  /// arguments outlive the renderer; the loader's thread uses `source`. Errors (usage):
+  /// BlockSlots::AddEnvironment().
+  Status AddEnvironment(const Catalog& environment, VoxelSource& source);
 
   /// Tiles of a call to Render().
   struct Progress {
@@ -80,9 +84,9 @@ class Renderer {
   /// Renders tiles of a view and returns when all are done. `on_tile` is called on compute threads, in any
   /// order, for one tile of the call at a time. Several threads may call at once.
   /// Requires: `view` is normalized; `on_tile` does not call Render(). It may request `stop`.
-  /// Errors: a block cannot be had, and every later call fails too; `stop` was requested (kCancelled); a tile
-  /// that cannot be (CheckTile()).
-  /// `integrator`: one that needs pixels, or null for the one of the view's mode.
+  /// Errors: a block cannot be had, and every later call fails too; the view's environment is unknown; `stop`
+  /// was requested (kCancelled); a tile that cannot be (CheckTile()). `integrator`: one that needs pixels, or
+  /// null for the one of the view's mode.
   Status Render(const View& view, std::span<const Tile> tiles, const OnTile& on_tile,
                 std::stop_token stop = {}, std::shared_ptr<const Integrator> integrator = {});
   /// A question to the rays of a list.
@@ -136,10 +140,8 @@ class Renderer {
   void Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident) {
     cache_.Publish(block, std::move(resident));
   }
-  /// Whether no block is on its way. Call on the loader's thread.
-  bool idle() const { return loader_->idle(); }
-  /// Microseconds spent decoding. Call on the loader's thread.
-  uint64_t decode_us() const { return loader_->decode_us(); }
+  /// The loader, to be asked on its own thread.
+  const Loader& loader() const { return *loader_; }
   /// Makes the loader look again for blocks to request.
   void Wake() { ScheduleLoader(); }
 

@@ -146,12 +146,13 @@ void TileRenderer::Start(PacketWork& work) {
   uint64_t& unfinished = unfinished_[work.number];
   const uint64_t free = ~unfinished;
   uint64_t started = 0;
+  if (unfinished == 0) std::fill_n(s.at, SamplePacket::kStages, 0);
   while (started == 0 && source_->left() > 0) {
     const RaySource::Lanes lanes = source_->Next(free, s, work.rays);
     batch_.Began(std::popcount(lanes.in_box | lanes.missing_box));
     integrator_->Begin(work, lanes.in_box | lanes.missing_box);
-    Miss(work, lanes.missing_box);
-    started = lanes.in_box;
+    s.at[first_] |= lanes.in_box;
+    started = lanes.in_box | Miss(work, lanes.missing_box);
   }
   if (work.lookups) StartCones(work, free);
   if (makes_pixels_ && film_.edges().any())
@@ -159,8 +160,6 @@ void TileRenderer::Start(PacketWork& work) {
       const auto lane = static_cast<int>(i);
       s.weight.Set(lane, s.weight[lane] * film_.edges().Factor(s.pixel[i]));
     });
-  if (unfinished == 0) std::fill_n(s.at, SamplePacket::kStages, 0);
-  s.at[first_] |= started;
   unfinished |= started;
   batch_.MakeReady(work.number, started);
 }
@@ -203,7 +202,7 @@ void TileRenderer::Advance(PacketWork& work) {
   if (const uint64_t lanes = at(SamplePacket::kTextures)) ready &= ~LookUpTextures(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kShade)) Shade(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kTint)) ready &= ~integrator_->Tint(work, lanes);
-  if (const uint64_t lanes = at(SamplePacket::kLight)) integrator_->SendLightRays(work, lanes);
+  if (const uint64_t lanes = at(SamplePacket::kLight)) ready &= ~integrator_->SendLightRays(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kBounce)) integrator_->Bounce(work, lanes);
   if (const uint64_t lanes = at(SamplePacket::kNext)) TakeNext(work, lanes);
   const uint64_t nearest = at(SamplePacket::kTraverse) | at(SamplePacket::kPass);
@@ -252,16 +251,16 @@ void TileRenderer::TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stag
   });
 }
 
-/// The rays of `lanes` have left the scene.
-void TileRenderer::Miss(PacketWork& work, uint64_t lanes) {
-  if (!makes_pixels_ || lanes == 0) return;
+/// The rays of `lanes` have left the scene. Returns: the lanes that wait for their sky.
+uint64_t TileRenderer::Miss(PacketWork& work, uint64_t lanes) {
+  if (!makes_pixels_ || lanes == 0) return 0;
   const SamplePacket& s = work.samples;
   ForEachLane(lanes, [&](uint32_t i) {
     if (s.path_code[i] != kPrimaryPath) return;
     film_.SawTo(s.depth_cell[i], kInfinity);
     if (s.sample[i] == 0) WriteLayers(work, i);
   });
-  integrator_->Missed(work, lanes);
+  return integrator_->Missed(work, lanes);
 }
 
 void TileRenderer::Shade(PacketWork& work, uint64_t lanes) {

@@ -72,7 +72,7 @@ class TileRenderer {
   void Traced(PacketWork& work, uint64_t lanes, bool any);
   uint64_t TestHits(PacketWork& work, uint64_t lanes);
   void TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stage from);
-  void Miss(PacketWork& work, uint64_t lanes);
+  uint64_t Miss(PacketWork& work, uint64_t lanes);
   void Shade(PacketWork& work, uint64_t lanes);
   void TakeNext(PacketWork& work, uint64_t lanes);
 

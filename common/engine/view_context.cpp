@@ -40,11 +40,11 @@ std::shared_ptr<const SectionClip> ClipOf(const SectionCut& section, const Scene
 
 ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces,
                          std::shared_ptr<const Integrator> an_integrator,
-                         std::shared_ptr<const ShownParts> parts)
+                         std::shared_ptr<const ShownParts> parts, const EnvironmentPages& environment)
     : view(std::move(a_view)),
       catalog(scene),
       surfaces(a_surfaces ? std::move(a_surfaces) : std::make_shared<const SceneSurfaces>(scene)),
-      integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene)),
+      integrator(an_integrator ? std::move(an_integrator) : MakeIntegrator(view, scene, environment)),
       filter(FilterFor(scene, integrator->needs().hits)),
       section(ClipOf(view.section, scene.meta)),
       shown(parts || !view.parts.selection ? std::move(parts)

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "common/engine/blocks/environment_pages.h"
 #include "common/engine/surfaces/scene_surfaces.h"
 #include "common/scene/camera.h"
 #include "common/scene/view.h"
@@ -27,10 +28,10 @@ struct PixelCone {
 struct ViewContext {
   /// `a_surfaces`: of the scene, shared by its views; made here if null. `an_integrator`: null for the one of
   /// the view's mode.
-  /// `parts`: the view's selection, made ready; made here if null.
+  /// `parts`: the view's selection, made ready; made here if null. `environment`: the view's.
   ViewContext(View a_view, const Catalog& scene, std::shared_ptr<const SceneSurfaces> a_surfaces = {},
               std::shared_ptr<const Integrator> an_integrator = {},
-              std::shared_ptr<const ShownParts> parts = {});
+              std::shared_ptr<const ShownParts> parts = {}, const EnvironmentPages& environment = {});
 
   const View view;
   const Catalog& catalog;

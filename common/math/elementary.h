@@ -66,6 +66,22 @@ QUARRY_HOST_DEVICE inline void SinCos(double x, double& sine, double& cosine) {
   cosine = (((n + 1) & 2) ? -1.0 : 1.0) * (swap ? s : c);
 }
 
+/// The angle of the point (x, y) from the x axis, in [-pi, pi]; 0 at the origin. Units: radians. Requires:
+/// finite numbers.
+QUARRY_HOST_DEVICE inline double ArcTan2(double y, double x) {
+  constexpr double kPi = 3.14159265358979323846;
+  const double across = x < 0 ? -x : x, up = y < 0 ? -y : y;
+  const double largest = across > up ? across : up, least = across > up ? up : across;
+  const double slope = largest > 0 ? least / largest : 0;  // [0, 1]
+  const bool steep = slope > 0.41421356237309504880;       // above half of 45 degrees the rest is small again
+  const double z = steep ? (slope - 1) / (slope + 1) : slope, z2 = z * z;
+  double series = 0;
+  for (int k = 27; k >= 1; k -= 2) series = 1.0 / k - series * z2;
+  const double low = z * series + (steep ? kPi / 4 : 0), folded = up > across ? kPi / 2 - low : low;
+  const double right = x < 0 ? kPi - folded : folded;
+  return y < 0 ? -right : right;
+}
+
 /// Tangent of half of `degrees`. Units: degrees. Requires: degrees in (0, 179].
 QUARRY_HOST_DEVICE inline double TanHalfDegrees(double degrees) {
   double s = 0, c = 1;

@@ -39,6 +39,8 @@ Limits LimitsOf(MessageType type) {
       return {5u << 20, kMaxTileBytes};  // kMaxTileBlocks
     case MessageType::kSelection:
       return {512u << 20, 0};  // three bits and two bytes for each of 2^27 parts
+    case MessageType::kEnvironment:
+      return {kSmall, 32u << 20};  // 24 bytes a page, and the table
     case MessageType::kBlock:
       return {0, 65u << 20};
     case MessageType::kHello:
@@ -70,9 +72,9 @@ bool May(Speaker speaker, MessageType type) {
     case Speaker::kClient:
       return type == kRenderJob || type == kQuery || type == kPing;
     case Speaker::kMasterOfWorkers:
-      return type == kWelcome || type == kCatalog || type == kSelection || type == kFrameSetup ||
-             type == kTile || type == kRay || type == kPeers || type == kFramesEnd || type == kFailure ||
-             type == kFarewell || type == kPing;
+      return type == kWelcome || type == kCatalog || type == kSelection || type == kEnvironment ||
+             type == kFrameSetup || type == kTile || type == kRay || type == kPeers || type == kFramesEnd ||
+             type == kFailure || type == kFarewell || type == kPing;
     case Speaker::kMasterOfClients:
       return type == kWelcome || type == kFrameProgress || type == kFrameDone || type == kAnswer ||
              type == kFailure || type == kFarewell || type == kPing;

@@ -14,7 +14,7 @@ namespace quarry {
 
 /// The version of the protocol. Programs of different versions refuse each other; it may change freely until
 /// the first release.
-inline constexpr uint32_t kProtocolVersion = 17;
+inline constexpr uint32_t kProtocolVersion = 18;
 
 /// The preamble, the first bytes of each side. Its layout never changes: "QUARRY\0\0" (8), protocol version
 /// (4), the program's version as zero-padded text (20).
@@ -48,8 +48,9 @@ enum class MessageType : uint16_t {
   kRay,
   kRayDone,
   kSelection,
+  kEnvironment,  ///< raw: the packed sections of an environment's store
 };
-inline constexpr uint16_t kMessageTypes = 24;  ///< one past the last
+inline constexpr uint16_t kMessageTypes = 25;  ///< one past the last
 
 /// Seconds. Masters, workers and clients send a message at least every kHeartbeatS, and drop a peer that
 /// sends no byte for kSilenceS. Trades the time until a dead peer is noticed against dropping a peer whose

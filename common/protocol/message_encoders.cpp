@@ -59,6 +59,13 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->turbidity = view.sky.turbidity;
   w->meters = view.meters;
   w->range = static_cast<int8_t>(view.range);
+  if (!view.environment.is_named()) return w;
+  w->environment = std::make_unique<wire::EnvironmentT>();
+  w->environment->name = view.environment.name;
+  if (view.environment.shines())
+    w->environment->id.assign(view.environment.id.begin(), view.environment.id.end());
+  w->environment->turn = view.environment.turn;
+  w->environment->strength = view.environment.strength;
   return w;
 }
 
@@ -85,6 +92,7 @@ Bytes Encode(const Hello& m) {
   w.instance = m.instance;
   w.serves_at = m.serves_at;
   w.previous_end = m.previous_end;
+  if (m.store != SceneId{}) w.store.assign(m.store.begin(), m.store.end());
   return PackTable<wire::Hello>(w);
 }
 
@@ -93,6 +101,7 @@ Bytes Encode(const Welcome& m) {
   w.scene_id.assign(m.scene_id.begin(), m.scene_id.end());
   w.worker = m.worker;
   w.sources = m.sources;
+  w.environment_bytes = m.environment_bytes;
   return PackTable<wire::Welcome>(w);
 }
 
@@ -129,6 +138,12 @@ Bytes Encode(const FrameDone& m) {
   w.frame = m.frame;
   w.statistics = m.statistics;
   return PackTable<wire::FrameDone>(w);
+}
+
+Bytes Encode(const EnvironmentSetup& m) {
+  wire::EnvironmentSetupT w;
+  w.id.assign(m.id.begin(), m.id.end());
+  return PackTable<wire::EnvironmentSetup>(w);
 }
 
 Bytes Encode(const FrameSetup& m) {

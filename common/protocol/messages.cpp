@@ -39,6 +39,27 @@ bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
   return Read(c.eye(), camera.eye) && Read(c.at(), camera.at) && Read(c.up(), camera.up);
 }
 
+/// The text as UTF-8 without control characters: it is printed on terminals and written as JSON.
+std::string Legible(const flatbuffers::String* text);
+
+/// Copies an id. Returns: false where it has another size.
+bool ReadId(const flatbuffers::Vector<uint8_t>* bytes, SceneId& id) {
+  if (SizeOf(bytes) != id.size()) return false;
+  std::copy(bytes->begin(), bytes->end(), id.begin());
+  return true;
+}
+
+Status ReadEnvironment(const wire::Environment* w, ViewEnvironment& environment) {
+  constexpr size_t kMostNameBytes = 4096;
+  if (!w) return {};
+  if (SizeOf(w->name()) > kMostNameBytes || (SizeOf(w->id()) != 0 && !ReadId(w->id(), environment.id)))
+    return Fail("received an environment that is not well formed");
+  environment.name = Legible(w->name());
+  environment.turn = w->turn();
+  environment.strength = w->strength();
+  return {};
+}
+
 /// Copies a view but for its camera. Errors: too many lights, or entries that share bytes.
 Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   const size_t lights = SizeOf(w.lights());
@@ -66,6 +87,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.sky.turbidity = w.turbidity();
   view.range = w.range();
   view.meters = w.meters();
+  QUARRY_TRY(ReadEnvironment(w.environment(), view.environment));
   return ReadSection(w.section(), view.section);
 }
 
@@ -95,7 +117,6 @@ Result<RenderJob> ReadJob(const wire::Job& w, size_t message_bytes) {
   return job;
 }
 
-/// The text as UTF-8 without control characters: it is printed on terminals and written as JSON.
 std::string Legible(const flatbuffers::String* text) {
   std::string legible;
   if (!text) return legible;
@@ -123,8 +144,11 @@ Result<Hello> DecodeHello(std::span<const std::byte> table) {
   if (w->role() > 2 || SizeOf(w->name()) > 256 || SizeOf(w->previous_end()) > 256 || w->threads() > 4096 ||
       idle)
     return Fail("received a greeting that is not well formed");
-  return Hello{static_cast<Role>(w->role()), Legible(w->name()), w->threads(), w->instance(), w->serves_at(),
-               Legible(w->previous_end())};
+  Hello m{static_cast<Role>(w->role()), Legible(w->name()), w->threads(), w->instance(), w->serves_at(),
+          Legible(w->previous_end())};
+  if (SizeOf(w->store()) != 0 && !ReadId(w->store(), m.store))
+    return Fail("received a greeting that is not well formed");
+  return m;
 }
 
 Result<Welcome> DecodeWelcome(std::span<const std::byte> table) {
@@ -135,6 +159,7 @@ Result<Welcome> DecodeWelcome(std::span<const std::byte> table) {
     return Fail("received a welcome that is not well formed");
   std::copy(w->scene_id()->begin(), w->scene_id()->end(), m.scene_id.begin());
   m.worker = w->worker();
+  m.environment_bytes = w->environment_bytes();
   return m;
 }
 
@@ -176,6 +201,13 @@ Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table) {
   const auto* w = Root<wire::FrameDone>(table);
   if (!w || SizeOf(w->statistics()) > kMostTextBytes) return NotWellFormed();
   return FrameDone{w->frame(), w->statistics() ? w->statistics()->str() : std::string()};
+}
+
+Result<EnvironmentSetup> DecodeEnvironment(std::span<const std::byte> table) {
+  const auto* w = Root<wire::EnvironmentSetup>(table);
+  EnvironmentSetup m;
+  if (!w || !ReadId(w->id(), m.id)) return NotWellFormed();
+  return m;
 }
 
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {

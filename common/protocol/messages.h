@@ -25,12 +25,15 @@ struct Hello {
   uint16_t serves_at = 0;  ///< port at which a worker serves blocks to others; 0: none
   /// How the worker ended that this one replaces ("killed by signal 9, out of memory?"); mostly empty.
   std::string previous_end = {};
+  /// With kVoxels: the store whose blocks are wanted; zeros: the scene's.
+  SceneId store{};
 };
 /// The answer to a Hello.
 struct Welcome {
   SceneId scene_id{};
   uint32_t worker = 0;
   std::vector<std::string> sources;  ///< sources of blocks, as ParseSource() reads them
+  uint64_t environment_bytes = 0;    ///< decoded, of the largest environment that views may name
 };
 /// The reason why the sender ends a connection or refuses a request: a sentence for the user.
 struct Failure {
@@ -60,6 +63,10 @@ struct FrameDone {
 /// the selections of its views.
 using SelectionSetup = PartSelection;
 inline constexpr size_t kMostSelections = 4;
+/// An environment; the raw part has its packed catalog. A worker keeps all that it has been sent.
+struct EnvironmentSetup {
+  SceneId id{};
+};
 /// A frame to render. The id of the view's selection travels; the receiver puts the selection there.
 struct FrameSetup {
   uint64_t frame = 0;  ///< its number, which its tiles name
@@ -162,6 +169,7 @@ Bytes Encode(const Query& m);
 Bytes Encode(const FrameProgress& m);
 Bytes Encode(const FrameDone& m);
 Bytes Encode(const SelectionSetup& m);
+Bytes Encode(const EnvironmentSetup& m);
 Bytes Encode(const FrameSetup& m);
 Bytes Encode(const TileOrder& m);
 Bytes Encode(const FramesEnd& m);
@@ -183,6 +191,7 @@ Result<Query> DecodeQuery(std::span<const std::byte> table);
 Result<FrameProgress> DecodeFrameProgress(std::span<const std::byte> table);
 Result<FrameDone> DecodeFrameDone(std::span<const std::byte> table);
 Result<SelectionSetup> DecodeSelection(std::span<const std::byte> table);
+Result<EnvironmentSetup> DecodeEnvironment(std::span<const std::byte> table);
 Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table);
 Result<TileOrder> DecodeTileOrder(std::span<const std::byte> table);
 Result<FramesEnd> DecodeFramesEnd(std::span<const std::byte> table);

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <string>
 #include <vector>
 
 #include "common/base/status.h"
@@ -61,8 +63,28 @@ struct Sky {
   bool shines() const { return turbidity > 0 || radiance != glm::vec3(0); }
   bool operator==(const Sky&) const = default;
 };
+/// A photographed sky in mode path, which is seen behind the scene too: the store of an image of all
+/// directions. Where the z axis is up, its middle lies toward +x, and its right half toward -y; the y axis
+/// takes the place of z with -z in that of y.
+struct ViewEnvironment {
+  std::string name;              ///< by which a master knows it; no part of the picture
+  std::array<uint8_t, 16> id{};  ///< the store's scene id; zeros: there is none, or only the name is known
+  double turn = 0;               ///< degrees about the up axis, counterclockwise from above
+  float strength = 1;            ///< factor of radiance
+  bool shines() const { return id != std::array<uint8_t, 16>{}; }
+  /// Whether there is one, though its id may not be known yet.
+  bool is_named() const { return shines() || !name.empty(); }
+  bool operator==(const ViewEnvironment& other) const {
+    return id == other.id && turn == other.turn && strength == other.strength;
+  }
+};
+
 /// Limits of a clear sky: its turbidity, and the sine of 5 degrees, below which the sun must not stand.
 inline constexpr float kLeastTurbidity = 2, kMostTurbidity = 10, kLeastSunHeight = 0.0871557f;
+
+/// Limits of an environment.
+inline constexpr double kMostTurn = 3600;
+inline constexpr float kMostStrength = 1e6f;
 
 /// A rectangle of an image. Units: pixels, from the image's upper left corner.
 struct PixelRect {
@@ -83,8 +105,9 @@ struct View {
   /// scene.
   uint32_t ao_samples = 4;
   float ao_distance = 0;
-  uint32_t bounces = 8;  ///< kPath: of a path, before its last ray, which finds lights only
-  Sky sky;               ///< kPath
+  uint32_t bounces = 8;         ///< kPath: of a path, before its last ray, which finds lights only
+  Sky sky;                      ///< kPath
+  ViewEnvironment environment;  ///< kPath; not with a sky
   std::vector<Light> lights;
   glm::vec3 ambient{0.2f};                   ///< radiance
   glm::vec3 background{0.55f, 0.65f, 0.8f};  ///< radiance where a ray hits nothing

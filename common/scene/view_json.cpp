@@ -137,6 +137,16 @@ Status ReadSky(const JsonValue& value, Sky& sky) {
   return turbidity->Wrong(fmt::format("must lie between {} and {}", kLeastTurbidity, kMostTurbidity));
 }
 
+Status ReadEnvironment(const JsonValue& value, ViewEnvironment& environment) {
+  QUARRY_TRY(value.HasOnly({"name", "turn", "strength"}));
+  QUARRY_ASSIGN(const JsonValue name, value.Member("name"));
+  QUARRY_ASSIGN(environment.name, name.Text());
+  if (environment.name.empty()) return name.Wrong("is empty");
+  environment.id = {};
+  QUARRY_TRY(ReadOptional(value, "turn", ReadNumber<double>, environment.turn));
+  return ReadOptional(value, "strength", ReadNumber<float>, environment.strength);
+}
+
 Status ReadEdges(const JsonValue& value, Light& light) {
   QUARRY_ASSIGN(const std::vector<JsonValue> sides, value.List());
   if (sides.size() != 2) return value.Wrong("must be two sides");
@@ -182,6 +192,13 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
     j["edges"] = {ToJson(glm::dvec3(light.edges[0])), ToJson(glm::dvec3(light.edges[1]))};
   if (light.kind == LightKind::kPoint && light.cone_scale != 0)
     j["cone"] = {{"axis", ToJson(light.axis)}, {"scale", light.cone_scale}, {"offset", light.cone_offset}};
+  return j;
+}
+
+ordered_json ToJson(const ViewEnvironment& environment) {
+  ordered_json j = {{"name", environment.name}};
+  if (environment.turn != 0) j["turn"] = environment.turn;
+  if (environment.strength != 1) j["strength"] = environment.strength;
   return j;
 }
 
@@ -357,9 +374,10 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
-  QUARRY_TRY(json.HasOnly({"camera",   "size", "crop",   "mode",    "spp",        "seed",    "aov",
-                           "up_axis",  "ao",   "lights", "ambient", "background", "bounces", "sky",
-                           "exposure", "hide", "only",   "colors",  "section",    "edges",   "tonemap"}));
+  QUARRY_TRY(json.HasOnly({"camera",  "size",    "crop",     "mode",       "spp",     "seed",
+                           "aov",     "up_axis", "ao",       "lights",     "ambient", "background",
+                           "bounces", "sky",     "exposure", "hide",       "only",    "colors",
+                           "section", "edges",   "tonemap",  "environment"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -378,6 +396,7 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "ao", ReadAo, view));
   QUARRY_TRY(ReadOptional(json, "bounces", ReadWhole<uint32_t>, view.bounces));
   QUARRY_TRY(ReadOptional(json, "sky", ReadSky, view.sky));
+  QUARRY_TRY(ReadOptional(json, "environment", ReadEnvironment, view.environment));
   QUARRY_TRY(ReadOptional(json, "exposure", ReadExposure, into.format.exposure));
   QUARRY_TRY(ReadOptional(json, "tonemap", ReadTone, into.format.tone));
   QUARRY_ASSIGN(const auto lists, ReadPartLists(json));
@@ -414,6 +433,7 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
     j["sky"] = {{"turbidity", view.sky.turbidity}};
   else if (view.sky.shines())
     j["sky"] = {{"radiance", ToJson(view.sky.radiance)}};
+  if (view.environment.is_named()) j["environment"] = ToJson(view.environment);
   j["lights"] = ordered_json::array();
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
   j["ambient"] = ToJson(view.ambient);

@@ -1,3 +1,4 @@
+// Long: a function that encodes and one that decodes each section of the catalog.
 #include "common/voxel/catalog.h"
 
 #include <fmt/format.h>
@@ -11,6 +12,7 @@
 #include "common/kdtree/build/wide_tree.h"
 #include "common/scene/open_pbr.h"
 #include "common/voxel/emitters/emitter_section.h"
+#include "common/voxel/environment/sky_section.h"
 #include "common/voxel/texture_sections.h"
 
 namespace quarry {
@@ -368,6 +370,8 @@ Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>&
     QUARRY_ASSIGN(catalog.emitters, DecodeEmitters(emitters->bytes, catalog));
     catalog.names_emitters = true;
   }
+  if (const SectionView* sky = Find(sections, SectionType::kEnvironment))
+    QUARRY_TRY(DecodeSky(sky->bytes, catalog));
   return catalog;
 }
 

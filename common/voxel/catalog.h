@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -16,6 +17,7 @@
 #include "common/kdtree/voxel_geometry.h"
 #include "common/scene/material.h"
 #include "common/voxel/emitters/emitter.h"
+#include "common/voxel/environment/sky_table.h"
 #include "common/voxel/texture_shape.h"
 #include "common/voxel/voxel_block.h"
 
@@ -45,6 +47,7 @@ enum class SectionType : uint32_t {
   kPartAttributes = 0x54544150,    // "PATT"
   kEmitters = 0x54494D45,          // "EMIT"
   kModels = 0x534C444D,            // "MDLS"
+  kEnvironment = 0x52564E45,       // "ENVR"
 };
 
 /// Limits of section MDLS: how many models it names, and the bytes of a name, its end excluded.
@@ -138,6 +141,8 @@ struct Catalog {
   std::vector<Texture> textures;
   std::vector<TextureShape> shapes;     ///< by texture
   std::vector<uint32_t> first_page{0};  ///< by texture, and one past the last: pages of earlier textures
+  /// Set: the store is an environment's, of no triangles and one texture. Null: it is a scene's.
+  std::shared_ptr<const SkyTable> sky;
 
   /// Requires: the scene has the key's voxel or page.
   const BlockEntry& block(BlockKey key) const {

@@ -113,6 +113,13 @@ nlohmann::ordered_json DescribeFacts(const StoreReader& store) {
   j["plain"] = IsPlain(c);
   j["shines"] = Shines(c);
   j["names_emitters"] = c.names_emitters;
+  if (c.sky) {
+    const SkyTable::Facts& sky = c.sky->facts();
+    j["environment"] = {{"width", c.sky->cells().width()},
+                        {"height", c.sky->cells().height()},
+                        {"mean", {sky.mean.x, sky.mean.y, sky.mean.z}},
+                        {"brightest", sky.brightest}};
+  }
   j["voxels"] = c.voxels.size();
   j["chained_voxels"] = t.chained;
   j["stored_triangle_references"] = m.stored_references;

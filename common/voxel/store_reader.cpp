@@ -34,6 +34,7 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kTextureDirectory, true, kGiB},
     {SectionType::kMaterialTextures, true, 32 << 20},
     {SectionType::kEmitters, true, kMostEmitters* kEmitterBytes},
+    {SectionType::kEnvironment, true, kMostSkyTableBytes},
     {SectionType::kParts, false, kGiB / 4},
     {SectionType::kStrings, false, 4 * kGiB},
     {SectionType::kCameras, false, 1 << 20},
@@ -94,6 +95,12 @@ Result<ModelNames> DecodeModels(const std::string& path, const SectionEntry& ent
 }
 
 }  // namespace
+
+Status CheckIsScene(const StoreReader& store) {
+  if (!store.catalog().sky) return {};
+  return BadUsage(
+      fmt::format("{}: is an environment, which --environment names beside a scene", store.path()));
+}
 
 Result<StoreReader> StoreReader::Open(const std::string& path) {
   QUARRY_ASSIGN(InputFile file, InputFile::Open(path));

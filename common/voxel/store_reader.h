@@ -116,4 +116,7 @@ class StoreReader {
   uint64_t pages_begin_ = 0, pages_end_ = 0;
 };
 
+/// Errors (usage): the store is an environment's.
+Status CheckIsScene(const StoreReader& store);
+
 }  // namespace quarry

@@ -13,8 +13,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSectionCount = 17;
-constexpr uint64_t kBlocksOffset = kStoreHeaderBytes + kSectionCount * kSectionEntryBytes;
+constexpr uint32_t kSceneSections = 17, kEnvironmentSections = 18;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
                   const std::vector<std::span<const std::byte>>& sections) {
@@ -42,12 +41,12 @@ void PutSectionEntry(ByteWriter& out, SectionType type, uint32_t flags, uint64_t
   out.Put(uint64_t{0});
 }
 
-Bytes EncodeHeader(uint32_t version, const SceneId& id, uint64_t file_size,
+Bytes EncodeHeader(uint32_t version, uint32_t sections, const SceneId& id, uint64_t file_size,
                    std::span<const std::byte> table) {
   ByteWriter out;
   out.PutArray(kStoreMagic);
   out.Put(version);
-  out.Put(kSectionCount);
+  out.Put(sections);
   out.Put(file_size);
   out.Put(kStoreHeaderBytes);
   out.PutArray(id);
@@ -118,23 +117,34 @@ EncodedPage EncodeTexturePage(const TextureShape& shape, const TexelLayout& layo
 
 Result<StoreWriter> StoreWriter::Create(const std::string& path) {
   QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
-  StoreWriter writer(std::move(file));
-  const Bytes room(kBlocksOffset);
-  QUARRY_TRY(writer.file_.Write(room));
+  StoreWriter writer(std::move(file), kSceneSections);
+  QUARRY_TRY(writer.PutRoom());
   return writer;
 }
+
+Result<StoreWriter> StoreWriter::CreateEnvironment(const std::string& path) {
+  QUARRY_ASSIGN(OutputFile file, OutputFile::Create(path));
+  StoreWriter writer(std::move(file), kEnvironmentSections);
+  QUARRY_TRY(writer.PutRoom());
+  return writer;
+}
+
+uint64_t StoreWriter::BlocksOffset() const { return kStoreHeaderBytes + sections_ * kSectionEntryBytes; }
+
+/// Leaves room for the header and the section table.
+Status StoreWriter::PutRoom() { return file_.Write(Bytes(BlocksOffset())); }
 
 Result<StoreWriter> StoreWriter::Continue(const std::string& path, const std::string& temporary,
                                           StoreProgress progress) {
   QUARRY_ASSIGN(OutputFile file, OutputFile::Continue(path, temporary, progress.bytes));
-  StoreWriter writer(std::move(file));
+  StoreWriter writer(std::move(file), kSceneSections);
   writer.directory_ = std::move(progress.directory);
   writer.logical_ = std::move(progress.logical);
   writer.parts_ = std::move(progress.parts);
   writer.textures_ = std::move(progress.textures);
   writer.masks_ = progress.masks;
   writer.colored_ = progress.colored;
-  if (progress.bytes == 0) QUARRY_TRY(writer.file_.Write(Bytes(kBlocksOffset)));
+  if (progress.bytes == 0) QUARRY_TRY(writer.PutRoom());
   return writer;
 }
 
@@ -184,6 +194,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
                                     const std::vector<Material>& materials, const PartTable& parts,
                                     const SceneViews& views, const std::vector<std::string>& models) {
   QUARRY_CHECK_EQ(parts.facts.size(), parts.names.size());
+  QUARRY_CHECK_EQ(sections_, sky_ ? kEnvironmentSections : kSceneSections);
   for (const VoxelEntry& v : directory_) {
     for (const BlockEntry& b : v.blocks) {
       meta.largest_decoded = std::max(meta.largest_decoded, b.decoded);
@@ -194,7 +205,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   meta.lz4_version = CompressorVersion();
   meta.masks = masks_;
   meta.uncolored = !colored_;
-  uint64_t blocks_end = kBlocksOffset;
+  uint64_t blocks_end = BlocksOffset();
   if (!directory_.empty()) {
     const auto& [hot, shading] = directory_.back().blocks;
     blocks_end = hot.offset + hot.stored + shading.stored;
@@ -222,6 +233,7 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kVoxelParts, parts_.bytes});
   sections.push_back({SectionType::kPartAttributes, EncodePartAttributes(parts.attributes)});
   sections.push_back({SectionType::kEmitters, EncodeEmitters(emitters_)});
+  if (sky_) sections.push_back({SectionType::kEnvironment, sky_->Encode()});
 
   const Bytes facts = EncodeMeta(LogicalMeta(meta)), texture_facts = EncodeTextureFacts(textures);
   std::vector<std::span<const std::byte>> logical;
@@ -235,17 +247,18 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kModels, EncodeModels(models)});  // a renamed model is the same scene
 
   ByteWriter table;
-  PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, kBlocksOffset,
-                  blocks_end - kBlocksOffset, 0);
+  PutSectionEntry(table, SectionType::kBlocks, kSectionCritical | kSectionOwnChecksums, BlocksOffset(),
+                  blocks_end - BlocksOffset(), 0);
   PutSectionEntry(table, SectionType::kTexturePages, kSectionOwnChecksums, blocks_end, pages_size, 0);
   for (const Section& s : sections) {
-    const bool critical = &s < &sections[4];  // readers may ignore names, textures and views
+    // Readers may ignore names, textures and views.
+    const bool critical = &s < &sections[4] || s.type == SectionType::kEnvironment;
     PutSectionEntry(table, s.type, critical ? kSectionCritical : 0, file_.size(), s.bytes.size(),
                     Checksum(s.bytes));
     QUARRY_TRY(file_.Write(s.bytes));
   }
-  QUARRY_TRY(
-      file_.WriteAt(0, EncodeHeader(masks_ ? kStoreVersion : version_, id, file_.size(), table.bytes())));
+  QUARRY_TRY(file_.WriteAt(
+      0, EncodeHeader(masks_ ? kStoreVersion : version_, sections_, id, file_.size(), table.bytes())));
   QUARRY_TRY(file_.WriteAt(kStoreHeaderBytes, table.bytes()));
   QUARRY_TRY(file_.Commit());
   return id;

@@ -76,6 +76,8 @@ class StoreWriter {
  public:
   /// Begins a new store. Errors: as OutputFile::Create().
   static Result<StoreWriter> Create(const std::string& path);
+  /// Begins the store of an environment: one texture, no voxels. Errors: as OutputFile::Create().
+  static Result<StoreWriter> CreateEnvironment(const std::string& path);
   /// Continues a store whose file is `temporary`, which outlives the process. `progress` is the state at the
   /// last Flush().
   static Result<StoreWriter> Continue(const std::string& path, const std::string& temporary,
@@ -98,6 +100,8 @@ class StoreWriter {
   void AllowPackedNormals() { version_ = kPackedStoreVersion; }
   /// The scene's strongest emitters, at most kMostEmitters, by ascending triangle.
   void SetEmitters(std::vector<Emitter> emitters) { emitters_ = std::move(emitters); }
+  /// Required of an environment before Finish().
+  void SetSky(std::shared_ptr<const SkyTable> sky) { sky_ = std::move(sky); }
   /// Whether a voxel has opacity masks.
   bool has_masks() const { return masks_; }
   /// Whether a vertex has a colour.
@@ -118,13 +122,17 @@ class StoreWriter {
   const VoxelPartLists& parts() const { return parts_; }
 
  private:
-  explicit StoreWriter(OutputFile file) : file_(std::move(file)) {}
+  explicit StoreWriter(OutputFile file, uint32_t sections) : file_(std::move(file)), sections_(sections) {}
+  uint64_t BlocksOffset() const;
+  Status PutRoom();
   OutputFile file_;
+  uint32_t sections_;  ///< that Finish() writes
   std::vector<VoxelEntry> directory_;
   std::vector<uint64_t> logical_;  ///< checksums of the streams, two per voxel
   VoxelPartLists parts_;
   std::vector<WrittenTexture> textures_;
   std::vector<Emitter> emitters_;
+  std::shared_ptr<const SkyTable> sky_;
   uint32_t version_ = kUnpackedStoreVersion;
   bool masks_ = false, colored_ = false;
   uint64_t texture_begin_ = 0;  ///< size of the file when the last texture began

@@ -216,6 +216,8 @@ Result<std::unique_ptr<LocalCluster>> LocalCluster::Start(const Options& options
   };
   try {
     auto for_master = with({options.scene, "--listen", "127.0.0.1:0"});
+    for (const std::string& environment : options.environments)
+      for_master.insert(for_master.end(), {"--environment", environment});
     if (options.live) {
       const auto live = ArgumentsOf(*options.live);
       for_master.insert(for_master.end(), live.begin(), live.end());

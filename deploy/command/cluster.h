@@ -51,6 +51,7 @@ class LocalCluster {
  public:
   struct Options {
     std::string scene;
+    std::vector<std::string> environments = {};  ///< stores
     unsigned workers = 1;
     unsigned threads = 0;        ///< per worker; 0: the machine's processors divided among the workers
     std::string cache = "256M";  ///< each worker's cache, as ParseSize() reads it

@@ -35,6 +35,19 @@ std::string Names(const ModelNames& models) {
   return models.count > shown ? fmt::format("{} and {} others", names, models.count - shown) : names;
 }
 
+/// The facts of an environment's store.
+void PrintEnvironment(const std::string& place, const StoreReader& store) {
+  const SkyTable& sky = *store.catalog().sky;
+  const SkyTable::Facts& facts = sky.facts();
+  const StoreTotals t = TotalsOf(store);
+  Print(fmt::format(
+      "{}\n  environment {}\n  image       {}\n  size        {} x {} pixels in {} pages, {} stored, {} once "
+      "decoded\n  radiance    mean {:.4g} {:.4g} {:.4g}, brightest {:.4g}\n",
+      place, FormatSceneId(store.catalog().id), Names(store.models()), sky.cells().width(),
+      sky.cells().height(), t.pages, FormatSize(store.size()), FormatSize(t.pages_decoded), facts.mean.x,
+      facts.mean.y, facts.mean.z, facts.brightest));
+}
+
 }  // namespace
 
 Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http) {
@@ -44,6 +57,7 @@ Status PrintInfo(const std::string& scene, bool json, const HttpOptions& http) {
     PrintRaw(j.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
     return {};
   }
+  if (store.catalog().sky) return PrintEnvironment(scene, store), Status{};
   const Catalog& c = store.catalog();
   const StoreTotals t = TotalsOf(store);
   const uint64_t kept = c.meta.kept_triangles();

@@ -261,6 +261,22 @@ Result<std::string> StoreFor(const std::string& scene, const ImportArguments& im
   return store;
 }
 
+Result<std::string> EnvironmentStoreFor(const std::string& place, bool quiet) {
+  QUARRY_ASSIGN(const InputFile file, InputFile::Open(place));
+  Bytes start(std::min<uint64_t>(file.size(), kStoreMagic.size()));
+  QUARRY_TRY(file.ReadAt(0, start));
+  std::string extension = fs::path(place).extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  if (AsText(start) != kStoreMagic && extension != ".hdr" && extension != ".exr")
+    return BadUsage(
+        fmt::format("--environment {}: is neither an image of radiance, .hdr or .exr, nor its store", place));
+  QUARRY_ASSIGN(std::string store, StoreFor(place, {}, quiet));
+  QUARRY_ASSIGN(const StoreReader reader, StoreReader::Open(store));
+  if (!reader.catalog().sky)
+    return BadUsage(fmt::format("--environment {}: is a scene's store, not that of an image", place));
+  return store;
+}
+
 Result<bool> DiscardDamaged(const std::string& model, const ImportArguments& import) {
   const std::string store = CacheFolder() + "/" + KeptName(model, import);
   const auto record = ReadRecord(store);

@@ -26,6 +26,10 @@ std::string CacheFolder();
 /// and no message, because it has printed its own; (usage) import options beside a store.
 Result<std::string> StoreFor(const std::string& scene, const ImportArguments& import, bool quiet);
 
+/// The store of an environment in the same way: of an image, or `place` itself. Errors: as StoreFor();
+/// (usage) it is neither an image of radiance nor a store of one.
+Result<std::string> EnvironmentStoreFor(const std::string& place, bool quiet);
+
 /// Removes a kept store that has damaged bytes, after a failure that they may explain, so that StoreFor()
 /// makes it anew. Returns: whether there was damage; false where no store is kept of `model`.
 Result<bool> DiscardDamaged(const std::string& model, const ImportArguments& import);

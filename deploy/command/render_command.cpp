@@ -40,8 +40,9 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
                     const std::vector<std::string>& model_files) {
   OutputGuard guard(a.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
   for (const std::string& file : model_files) guard.AddInput(file);
-  for (const std::string* file : {&a.scene, &a.camera_path, &a.lights, &a.security.secret_file,
-                                  &a.security.tls_cert, &a.security.tls_key, &a.security.tls_ca})
+  for (const std::string* file :
+       {&a.scene, &a.environment, &a.camera_path, &a.lights, &a.security.secret_file, &a.security.tls_cert,
+        &a.security.tls_key, &a.security.tls_ca})
     guard.AddInput(*file);
   if (a.has_view_file()) guard.AddInput(a.view_file());
   const OutputKind& kind = job.format.name == "png" ? kPngOutput : kExrOutput;
@@ -63,6 +64,7 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
 Result<SceneSummary> SummaryOf(const RenderArguments& a, const std::string& store) {
   QUARRY_ASSIGN(const HttpOptions http, ReadRemoteArguments(a.remote));
   QUARRY_ASSIGN(StoreReader reader, OpenStore(store, http));
+  QUARRY_TRY(CheckIsScene(reader));
   const Scene scene(std::make_shared<const StoreReader>(std::move(reader)));
   const SceneMeta& meta = scene.catalog().meta;
   SceneSummary summary{FormatSceneId(scene.catalog().id),
@@ -159,6 +161,7 @@ std::vector<std::string> NamesOfLights(const View& view) {
   for (const Light& light : view.lights)
     names.emplace_back(light.at_eye ? "lamp at the eye" : kNames[static_cast<size_t>(light.kind)]);
   if (view.mode == RenderMode::kPath && view.sky.shines()) names.emplace_back("sky");
+  if (view.mode == RenderMode::kPath && view.environment.is_named()) names.emplace_back("environment");
   return names;
 }
 
@@ -208,13 +211,26 @@ Result<std::string> StoreToRender(const RenderArguments& a) {
 /// A job with all that is needed to run it.
 struct Prepared {
   RenderJob job;
-  std::string store;  ///< empty with --master
+  std::string store;                      ///< empty with --master
+  std::vector<std::string> environments;  ///< stores; none with --master
   SceneId scene;
 };
+
+/// Makes the store of the view's environment, and names it as the local cluster's master does. Returns: it,
+/// if there is one. With --master the name is the master's.
+Result<std::vector<std::string>> TakeEnvironment(const RenderArguments& a, View& view) {
+  std::vector<std::string> stores;
+  if (!view.environment.is_named() || a.scene.empty()) return stores;
+  QUARRY_ASSIGN(stores.emplace_back(), EnvironmentStoreFor(view.environment.name, a.quiet));
+  QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(stores[0]));
+  view.environment.id = store.catalog().id;
+  return stores;
+}
 
 Result<Prepared> Prepare(const RenderArguments& a, const Security& security) {
   QUARRY_ASSIGN(RenderJob job, JobWithoutScene(a));
   QUARRY_TRY(CheckOutputs(a, job, {}));
+  QUARRY_ASSIGN(std::vector<std::string> environments, TakeEnvironment(a, job.view));
   std::string store;
   SceneSummary scene;
   if (a.scene.empty()) {
@@ -234,7 +250,7 @@ Result<Prepared> Prepare(const RenderArguments& a, const Security& security) {
     Log("note: an earlier version made this store, which names no triangles that shine: their light is found "
         "by chance, with more noise. Make the store again.");
   QUARRY_ASSIGN(const SceneId id, ParseSceneId(scene.scene_id));
-  return Prepared{std::move(job), std::move(store), id};
+  return Prepared{std::move(job), std::move(store), std::move(environments), id};
 }
 
 /// Renders once. Errors: as Render().
@@ -251,6 +267,7 @@ Status RenderOnce(const RenderArguments& a) {
   Endpoint master;
   if (a.master.empty()) {
     QUARRY_ASSIGN(cluster, LocalCluster::Start({.scene = prepared.store,
+                                                .environments = prepared.environments,
                                                 .workers = a.workers,
                                                 .threads = a.threads,
                                                 .cache = a.cache,

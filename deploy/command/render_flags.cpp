@@ -73,6 +73,19 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--sky", a.sky,
                "Light of a clear sky, by its turbidity: 2 very clear, 10 hazy; it needs a sun")
       ->check(RealNumber(kLeastTurbidity, kMostTurbidity));
+  auto* const environment = c.add_option(
+      "--environment", a.environment,
+      "Light of a photographed sky: an image of all directions (.hdr, .exr) or its store; with --master the "
+      "name of one of its environments");
+  c.add_option("--environment-turn", a.environment_turn,
+               "Turn of the environment about the up axis, in degrees")
+      ->needs(environment)
+      ->check(RealNumber(-kMostTurn, kMostTurn))
+      ->capture_default_str();
+  c.add_option("--environment-strength", a.environment_strength, "Factor of the environment's light")
+      ->needs(environment)
+      ->check(RealNumber(1e-6, kMostStrength))
+      ->capture_default_str();
   c.add_option("--bounces", a.bounces, "Bounces of light, in mode path")
       ->check(WholeNumber(0, kMaxBounces))
       ->capture_default_str();
@@ -127,6 +140,7 @@ void AddRenderOptions(CLI::App& c, RenderArguments& a) {
   c.footer(
       "Examples:\n  quarry render plant.ply -o plant.png\n"
       "  quarry render plant.quarry -o hall.png --view inside --mode whitted --spp 16\n"
+      "  quarry render plant.quarry -o dawn.png --mode path --environment dawn.hdr --environment-turn 40\n"
       "  quarry render plant.quarry -o turn.png --turntable 36\n"
       "  quarry render plant.quarry -o walk.exr --camera-path plant.path.json --aov depth,part\n"
       "  quarry render -o plant.png --master 10.0.0.1:9000 --secret-file quarry.secret");

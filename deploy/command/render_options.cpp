@@ -108,6 +108,11 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (Typed(a, "--ao-distance")) view.ao_distance = a.ao_distance;
   if (Typed(a, "--bounces")) view.bounces = a.bounces;
   if (Typed(a, "--sky")) view.sky = {glm::vec3(0), a.sky};
+  if (Typed(a, "--environment")) {
+    if (Typed(a, "--sky")) return BadUsage("--sky and --environment are two skies; leave one out");
+    view.environment = {a.environment, {}, a.environment_turn, a.environment_strength};
+    view.sky = {};
+  }
   if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
   if (Typed(a, "--tonemap")) QUARRY_TRY(ParseTone(a.tonemap, job.format));
   if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));
@@ -181,6 +186,7 @@ Status ChooseLights(const RenderArguments& a, const SceneSummary& scene, View& v
     view.lights.push_back({LightKind::kSun, glm::vec3(sun), glm::vec3(0.9f)});
   }
   if (!view.lights.empty() || !a.lights.empty() || a.has_view_file()) return {};
+  if (view.environment.is_named()) return {};
   const bool follows_light = view.mode == RenderMode::kPath;
   // The scene's own emitters are its light.
   if (follows_light && scene.shines && scene.views.lights.empty() && !view.sky.shines()) return {};

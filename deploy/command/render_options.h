@@ -28,7 +28,11 @@ struct RenderArguments {
   unsigned spp = 0;  ///< 0: 4 in ao, else 1
   unsigned ao_samples = 4;
   unsigned bounces = 8;
-  float sky = 0;          ///< turbidity; 0: none
+  float sky = 0;  ///< turbidity; 0: none
+  /// An image, its store, or the name of one of the master's; its turn in degrees, and factor of its light.
+  std::string environment;
+  double environment_turn = 0;
+  float environment_strength = 1;
   float ao_distance = 0;  ///< scene units; 0: by the size of the scene
   bool edges = false;     ///< if given: --edges or --no-edges
   uint64_t seed = 0;

@@ -168,6 +168,8 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
        "HOST:PORT of the page (default: a free port of this machine, 8080 first; beyond loopback with "
        "--tls-cert and --tls-key)")
       ->envname("QUARRY_HTTP");
+  c.add_option("--environment", a.environments,
+               "A photographed sky for mode path, an image (.hdr, .exr) or its store; the page lists them");
   c.add_option("--viewer-url", a.viewer_urls, "The address at which browsers reach the page through a proxy");
   AddLocalClusterOptions(c, a.workers, a.threads, a.cache);
   c.add_option("--up-axis", a.up_axis, "y or z (default: the store's); nothing is preprocessed again")
@@ -186,6 +188,7 @@ void AddViewCommandOptions(CLI::App& c, ViewArguments& a) {
       "  quarry view plant.quarry --http 127.0.0.1:8080     (from elsewhere: ssh -L 8080:localhost:8080 "
       "HOST)\n"
       "  quarry view plant.quarry --http 0.0.0.0:443 --tls-cert host.pem --tls-key host.key\n"
+      "  quarry view plant.quarry --environment noon.hdr --environment dusk.exr\n"
       "  quarry view plant.quarry --viewer-url https://example.org/plant/");
 }
 
@@ -218,10 +221,15 @@ Status ShowLive(const ViewArguments& a) {
     store = std::move(*made);
     ::unsetenv("QUARRY_PROGRESS_FILE");
   }
+  std::vector<std::string> environments;
+  for (const std::string& place : a.environments) {
+    QUARRY_ASSIGN(environments.emplace_back(), EnvironmentStoreFor(place, a.quiet));
+  }
   const auto say = [&](const std::string& line) {
     if (!a.quiet) Log(line);
   };
   QUARRY_ASSIGN(const auto cluster, LocalCluster::Start({.scene = store,
+                                                         .environments = environments,
                                                          .workers = a.workers,
                                                          .threads = a.threads,
                                                          .cache = a.cache,

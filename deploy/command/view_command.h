@@ -17,7 +17,7 @@ namespace quarry {
 struct ViewArguments {
   std::string scene;
   std::string http;  ///< HOST:PORT; empty: the first free one of a few on this machine
-  std::vector<std::string> viewer_urls;
+  std::vector<std::string> viewer_urls, environments;
   unsigned workers = 1, threads = 0;  ///< threads: per worker; 0: the processors shared out
   std::string cache = "256M", view_memory = "256M";
   std::string tls_cert, tls_key;

@@ -31,12 +31,12 @@ uint64_t FirstFrame() { return kFirstLiveFrame | uint64_t{std::random_device{}()
 
 Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, PartSelections& selections,
-                                               WorkerRegistry& workers, QueryService& queries,
-                                               SavedPictures::JobService jobs,
+                                               const Environments& environments, WorkerRegistry& workers,
+                                               QueryService& queries, SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log) {
   QUARRY_ASSIGN(Access access, MakeAccess(options));
-  std::unique_ptr<Display> display(new Display(io, options, scene, selections, workers, std::move(access),
-                                               std::move(jobs), std::move(log)));
+  std::unique_ptr<Display> display(new Display(io, options, scene, selections, environments, workers,
+                                               std::move(access), std::move(jobs), std::move(log)));
   Display& d = *display;
   QUARRY_ASSIGN(d.server_,
                 HttpServer::Open(io,
@@ -54,8 +54,8 @@ Result<std::unique_ptr<Display>> Display::Open(asio::io_context& io, const Displ
 }
 
 Display::Display(asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-                 PartSelections& selections, WorkerRegistry& workers, Access access,
-                 SavedPictures::JobService jobs, std::function<void(const std::string&)> log)
+                 PartSelections& selections, const Environments& environments, WorkerRegistry& workers,
+                 Access access, SavedPictures::JobService jobs, std::function<void(const std::string&)> log)
     : io_(io),
       options_(options),
       workers_(workers),
@@ -88,7 +88,8 @@ Display::Display(asio::io_context& io, const DisplayOptions& options, const Scen
             {options.view_memory},
             [this] { AssignSoon(); },
             [this] { return Now(); },
-            [this](double seconds) { stats_.TookFrame(seconds); }},
+            [this](double seconds) { stats_.TookFrame(seconds); },
+            &environments},
       parts_page_(selections, scene.catalog().meta.offset) {}
 
 Display::~Display() {
@@ -245,8 +246,8 @@ void Display::OnScene(const Result<std::string>& description) {
     }
     site_.defaults.view = DefaultView(**summary_, kDefaultWidth, kDefaultHeight);
     site_.defaults.view.up_axis = options_.up_axis;
-    welcome_ = MakeWelcome(options_.name, options_.store, **summary_, site_.scene.catalog(), site_.defaults,
-                           site_.memory.most_pixels());
+    welcome_ = MakeWelcome(options_.name, options_.store, **summary_, site_.scene.catalog(),
+                           *site_.environments, site_.defaults, site_.memory.most_pixels());
   }
   for (const auto& [id, viewer] : std::map(viewers_)) Welcome(viewer);
 }

@@ -27,12 +27,12 @@ namespace quarry {
 /// own.
 class Display {
  public:
-  /// Listens. `io`, `scene`, `workers`, `queries` and the objects that `jobs` uses outlive it. Errors: as
-  /// HttpServer::Open() and Access::Make(); (usage) an invalid viewer URL.
+  /// Listens. `io`, `scene`, `environments`, `workers`, `queries` and the objects that `jobs` uses outlive
+  /// it. Errors: as HttpServer::Open() and Access::Make(); (usage) an invalid viewer URL.
   static Result<std::unique_ptr<Display>> Open(boost::asio::io_context& io, const DisplayOptions& options,
                                                const Scene& scene, PartSelections& selections,
-                                               WorkerRegistry& workers, QueryService& queries,
-                                               SavedPictures::JobService jobs,
+                                               const Environments& environments, WorkerRegistry& workers,
+                                               QueryService& queries, SavedPictures::JobService jobs,
                                                std::function<void(const std::string&)> log);
   ~Display();
 
@@ -60,8 +60,8 @@ class Display {
 
  private:
   Display(boost::asio::io_context& io, const DisplayOptions& options, const Scene& scene,
-          PartSelections& selections, WorkerRegistry& workers, Access access, SavedPictures::JobService jobs,
-          std::function<void(const std::string&)> log);
+          PartSelections& selections, const Environments& environments, WorkerRegistry& workers,
+          Access access, SavedPictures::JobService jobs, std::function<void(const std::string&)> log);
 
   HttpResponse OnRequest(const HttpRequest& request);
   HttpResponse OnPrivate(const HttpRequest& request, const std::string& name) const;

@@ -269,7 +269,9 @@ Status Viewer::OnView(WantedView wanted) {
         FormatSize(memory.most)));
   if (const Status known = site_.selections.Complete(wanted.view); !known)
     return Refuse(known.error().message), Status{};
-  wanted.view.range = RangeOf(wanted.view, site_.scene.catalog());
+  if (const Status known = site_.environments->Complete(wanted.view); !known)
+    return Refuse(known.error().message), Status{};
+  wanted.view.range = RangeOf(wanted.view, site_.scene.catalog(), site_.environments->TableOf(wanted.view));
   memory.largest = std::max(memory.largest, pixels);
   Charge(std::max(pixels, pacer_.held_pixels()));
   newest_ = wanted.view;

@@ -18,6 +18,7 @@
 #include "master/display/saved_picture.h"
 #include "master/display/view_pacer.h"
 #include "master/display/viewer_message.h"
+#include "master/environments.h"
 #include "master/part_selections.h"
 
 namespace boost::asio {
@@ -58,6 +59,7 @@ struct ViewerSite {
   std::function<void()> assign_soon;       ///< there is something to trace
   std::function<double()> now;             ///< seconds of a steady clock
   std::function<void(double)> took_frame;  ///< seconds that a frame's tracing took
+  const Environments* environments;        ///< that views may name
 };
 
 /// A watching browser: its WebSocket, its pacer, and its pending frames. Runs on the

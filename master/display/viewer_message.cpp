@@ -34,7 +34,10 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
   }
   QUARRY_TRY(ReadView(object, offset, description));
   View& view = description.view;
-  if (!lights) {
+  if (!lights && view.environment.is_named() && view.mode == RenderMode::kPath) {
+    view.lights.clear();  // it is the light
+    view.sky = {};
+  } else if (!lights) {
     TurnDefaultSun(view);
     DropDefaultSun(view);
     DropDefaultLamp(view);

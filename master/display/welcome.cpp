@@ -72,6 +72,12 @@ ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& s
   return ViewToJson(view, {}, scene.offset)["lights"];
 }
 
+ordered_json NamesOf(const Environments& environments) {
+  auto names = ordered_json::array();
+  for (const Environments::Served& served : environments.all()) names.push_back(served.name);
+  return names;
+}
+
 /// Whether mode path leaves the default sun out.
 bool DropsSun(const ViewDescription& defaults) {
   View view = defaults.view;
@@ -83,7 +89,8 @@ bool DropsSun(const ViewDescription& defaults) {
 }  // namespace
 
 std::string MakeWelcome(const std::string& name, const std::string& store, const SceneSummary& scene,
-                        const Catalog& catalog, const ViewDescription& defaults, uint64_t most_pixels) {
+                        const Catalog& catalog, const Environments& environments,
+                        const ViewDescription& defaults, uint64_t most_pixels) {
   const Framing& framing = scene.framing;
   auto cameras = ordered_json::array();
   for (const NamedCamera& camera : scene.views.cameras)
@@ -111,6 +118,7 @@ std::string MakeWelcome(const std::string& name, const std::string& store, const
                          {"turned_lights", TurnedLights(defaults, scene)},
                          {"shines", DropsSun(defaults)},
                          {"lamp", LampOf(defaults, scene)},
+                         {"environments", NamesOf(environments)},
                          {"cameras", std::move(cameras)}}},
                        {"modes", Modes()},
                        {"view", Shown(defaults, scene)},

@@ -154,6 +154,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const auto source =
       scene.MakeSource([](std::function<void()> task) { boost::asio::post(io, std::move(task)); });
   PartSelections selections(scene.store());
+  const Environments environments(io, {});
   // No job is ever done here; a viewer may ask for many.
   SavedPictures saved(io,
                       {[](const auto&, const JobRequest&) { return Status{}; }, [](const auto&) {},
@@ -162,14 +163,22 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::deque<std::pair<uint32_t, RayOrder>> asked;
   RayDispatcher rays([&](uint32_t worker, const RayOrder& order) { asked.emplace_back(worker, order); });
   rays.AddWorker(1);
-  ViewerSite site{io,           moving,
-                  exact,        dispatcher,
-                  rays,         scene,
-                  selections,   *source,
-                  saved,        {scene.catalog().id, {}},
-                  Defaults(),   {1u << 20},
-                  [] {},        [&] { return now_s; },
-                  [](double) {}};
+  ViewerSite site{io,
+                  moving,
+                  exact,
+                  dispatcher,
+                  rays,
+                  scene,
+                  selections,
+                  *source,
+                  saved,
+                  {scene.catalog().id, {}},
+                  Defaults(),
+                  {1u << 20},
+                  [] {},
+                  [&] { return now_s; },
+                  [](double) {},
+                  &environments};
   const auto socket = std::make_shared<Socket>();
   bool gone = false;
   auto viewer = std::make_shared<Viewer>(site, 1, socket, [&](const std::string& why) {

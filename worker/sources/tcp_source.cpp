@@ -31,7 +31,8 @@ struct TcpVoxelSource::Impl : std::enable_shared_from_this<TcpVoxelSource::Impl>
       self->connection->Expect(Speaker::kVoxelServer, self->catalog.meta.largest_stored);
       self->connection->Start([self](Message m) { self->OnMessage(std::move(m)); },
                               [self](const Error& e) { self->Lost(e); });
-      self->connection->Send(MakeMessage(MessageType::kHello, Hello{Role::kVoxels, "voxels", 0}));
+      self->connection->Send(MakeMessage(
+          MessageType::kHello, Hello{.role = Role::kVoxels, .name = "voxels", .store = self->catalog.id}));
       self->Watch(0);
     });
   }

@@ -22,6 +22,8 @@ Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::
       QUARRY_ASSIGN(resident.shading, DecodeShading(decoder, catalog, block.index(), stored, out));
       return {};
     }
+    case BlockKind::kSky:  // a page in the catalog that it belongs to
+      break;
     case BlockKind::kPage: {
       const uint32_t texture = catalog.TextureOf(block);
       return DecodePage(catalog.shapes[texture], catalog.textures[texture].layout, catalog.PageOf(block),
@@ -31,9 +33,8 @@ Status DecodeBlock(const Catalog& catalog, BlockKey block, std::span<const std::
   return {};
 }
 
-Loader::Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
-               std::function<void(const Error&)> on_error)
-    : catalog_(catalog), cache_(cache), source_(source), on_error_(std::move(on_error)) {}
+Loader::Loader(VoxelCache& cache, VoxelSource& source, std::function<void(const Error&)> on_error)
+    : cache_(cache), source_(source), on_error_(std::move(on_error)) {}
 
 void Loader::Run() {
   // A source that already has the block answers inside Fetch(), which calls Run() again: the loop handles the
@@ -71,8 +72,10 @@ void Loader::AskForMore() {
     const auto block = full ? cache_.TurnToLoad() : cache_.NextToLoad();
     if (!block) return;
     ++in_flight_;
-    stored_bytes_ += catalog_.block(*block).stored;
-    source_.Fetch(*block, [this, id = *block](Result<Bytes> stored) { OnFetched(id, std::move(stored)); });
+    stored_bytes_ += cache_.slots().EntryOf(*block).stored;
+    VoxelSource& source = block->kind() == BlockKind::kSky ? *environments_[block->sky()] : source_;
+    source.Fetch(BlockSlots::KeyInCatalog(*block),
+                 [this, id = *block](Result<Bytes> stored) { OnFetched(id, std::move(stored)); });
   }
 }
 
@@ -84,11 +87,13 @@ void Loader::OnFetched(BlockKey block, Result<Bytes> stored) {
 }
 
 bool Loader::Install(const Arrived& arrived) {
-  const BlockEntry& entry = catalog_.block(arrived.block);
+  const Catalog& catalog = cache_.slots().CatalogOf(arrived.block);
+  const BlockKey key = BlockSlots::KeyInCatalog(arrived.block);
+  const BlockEntry& entry = catalog.block(key);
   if (!cache_.Reserve(arrived.block)) return false;
   auto resident = std::make_unique<ResidentBlock>();
   const auto start = std::chrono::steady_clock::now();
-  auto pages = cache_.TakePages(entry.decoded, arrived.block.kind() == BlockKind::kPage);
+  auto pages = cache_.TakePages(entry.decoded, key.is_page());
   if (!pages) {
     Fail(Error{fmt::format("the system has no memory for a block of {} bytes; give a smaller --cache",
                            entry.decoded),
@@ -96,13 +101,13 @@ bool Loader::Install(const Arrived& arrived) {
     return false;
   }
   resident->bytes = std::move(*pages);
-  const Status status = DecodeBlock(catalog_, arrived.block, arrived.stored, decoder_, *resident);
+  const Status status = DecodeBlock(catalog, key, arrived.stored, decoder_, *resident);
   decode_us_ += MicrosecondsSince(start);
   if (!status) {
     // Its checksum was right: another attempt gives the same.
-    Fail(Error{fmt::format("block {} at byte {}: {}", catalog_.NumberOf(arrived.block), entry.offset,
-                           status.error().message),
-               ErrorKind::kPermanent});
+    Fail(Error{
+        fmt::format("block {} at byte {}: {}", catalog.NumberOf(key), entry.offset, status.error().message),
+        ErrorKind::kPermanent});
     return false;
   }
   cache_.Publish(arrived.block, std::move(resident));

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -33,9 +34,11 @@ class Loader {
 
   /// `on_error` is called once, when a block cannot be had; no block is loaded after it.
   /// Requires: the references outlive the loader.
-  Loader(const Catalog& catalog, VoxelCache& cache, VoxelSource& source,
-         std::function<void(const Error&)> on_error);
+  Loader(VoxelCache& cache, VoxelSource& source, std::function<void(const Error&)> on_error);
 
+  /// Pages of the environment `number` of the cache come from `source`, which outlives the loader. Before the
+  /// first view that names it.
+  void SetEnvironment(uint32_t number, VoxelSource& source) { environments_[number] = &source; }
   /// Whether no block that a ray waits for is on its way.
   bool idle() const { return in_flight_ == 0; }
   /// Microseconds of wall time spent decoding, getting memory included.
@@ -57,9 +60,9 @@ class Loader {
   bool Install(const Arrived& arrived);
   void Fail(const Error& error);
 
-  const Catalog& catalog_;
   VoxelCache& cache_;
   VoxelSource& source_;
+  std::array<VoxelSource*, BlockSlots::kMostEnvironments> environments_{};
   std::function<void(const Error&)> on_error_;
   BlockDecoder decoder_;
   std::deque<Arrived> arrived_;

@@ -17,7 +17,7 @@ class PinnedBlocks {
   explicit PinnedBlocks(VoxelCache& cache) : cache_(cache) {}
   ~PinnedBlocks() { Release(); }
 
-  /// Appends the blocks found from now on to `touched`, each at least once. `reader` is a number from
+  /// Appends the scene's blocks found from now on to `touched`, each at least once. `reader` is a number from
   /// NewReader(), one for each list.
   void LogTo(std::vector<BlockKey>& touched, uint32_t reader) {
     touched_ = &touched;
@@ -45,7 +45,7 @@ class PinnedBlocks {
       if (!resident) return nullptr;
       pinned_.emplace(block, resident);
     }
-    touched_->push_back(block);
+    if (block.kind() != BlockKind::kSky) touched_->push_back(block);
     recent = {key, resident};
     return resident;
   }
@@ -83,9 +83,8 @@ class PinnedBlocks {
   /// Entries of the table; 16 KiB. Trades look-ups against the cache lines of L1. A judgement: scenes have
   /// hundreds of voxels in view.
   static constexpr uint32_t kRecent = 1024;
-  /// Entries between the blocks of a voxel, so that the kinds do not push each other out. A third of the
-  /// table, for three kinds.
-  static constexpr uint32_t kKindsApart = kRecent / 3;
+  /// Entries between the blocks of a voxel, so that the kinds do not push each other out.
+  static constexpr uint32_t kKindsApart = kRecent / 4;
   static constexpr uint32_t kMostReaders = (1u << (64 - BlockKey::kBits)) - 1;
   struct Recent {
     uint64_t key = 0;  ///< the reader above BlockKey::kBits bits of the block; 0: none

@@ -31,7 +31,7 @@ class VoxelOrder {
   /// The place of a block in the order of blocks, of BlockKey::kBits bits: the order of keys whose voxels are
   /// their places.
   uint64_t BlockPlace(uint32_t octant, BlockKey block) const {
-    if (block.kind() == BlockKind::kPage) return block.bits();
+    if (block.is_page()) return block.bits();
     return BlockKey(block.kind(), place(octant, block.index())).bits();
   }
 

@@ -41,28 +41,27 @@ std::vector<BlockKey> Mailbox::Take(bool wait) {
 
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
-    : catalog_(catalog),
-      budget_(budget_bytes),
+    : budget_(budget_bytes),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
       on_change_(std::move(on_change)),
-      slots_(std::make_unique<Slot[]>(catalog.block_numbers())),
+      slots_(catalog, budget_bytes),
       order_(catalog) {}
 
 VoxelCache::~VoxelCache() {
-  for (const Resident& r : residents_) delete slot(r.block).resident.load();
+  for (const Resident& r : residents_) delete slots_[r.block].resident.load();
 }
 
 uint64_t VoxelCache::RoomOf(BlockKey block) const {
-  const uint32_t decoded = catalog_.block(block).decoded;
-  return block.kind() == BlockKind::kPage ? PageRoom(decoded) : decoded;
+  const uint32_t decoded = slots_.EntryOf(block).decoded;
+  return block.is_page() ? PageRoom(decoded) : decoded;
 }
 
 const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
-  Slot& slot = this->slot(block);
+  BlockSlots::Slot& slot = slots_[block];
   uint32_t state = slot.state.load(std::memory_order_relaxed);
   do {
-    if (!(state & kResident)) return nullptr;
+    if (!(state & BlockSlots::kResident)) return nullptr;
   } while (!slot.state.compare_exchange_weak(state, state + 1, std::memory_order_acquire));
   slot.last_use.store(static_cast<uint32_t>(clock_.fetch_add(1, std::memory_order_relaxed)),
                       std::memory_order_release);
@@ -70,9 +69,9 @@ const ResidentBlock* VoxelCache::TryPin(BlockKey block) {
 }
 
 void VoxelCache::Unpin(BlockKey block) {
-  const uint32_t before = slot(block).state.fetch_sub(1);
-  QUARRY_DCHECK((before & ~kResident) > 0);
-  if ((before & ~kResident) == 1 && starved_.exchange(false)) on_space_();
+  const uint32_t before = slots_[block].state.fetch_sub(1);
+  QUARRY_DCHECK((before & ~BlockSlots::kResident) > 0);
+  if ((before & ~BlockSlots::kResident) == 1 && starved_.exchange(false)) on_space_();
 }
 
 void VoxelCache::Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMask octants) {
@@ -168,7 +167,7 @@ std::optional<BlockKey> VoxelCache::NextToLoad() {
 /// lately.
 uint64_t VoxelCache::LastUse(BlockKey block) const {
   // The use before the clock: a use in between would seem to lie ahead of it.
-  const uint32_t used = slot(block).last_use.load(std::memory_order_acquire);
+  const uint32_t used = slots_[block].last_use.load(std::memory_order_acquire);
   const uint64_t now = clock_.load(std::memory_order_relaxed);
   return now - static_cast<uint32_t>(static_cast<uint32_t>(now) - used);
 }
@@ -202,8 +201,8 @@ bool VoxelCache::EvictOne(std::vector<BlockKey>& evicted) {
 
 /// Evicts a block unless it is pinned.
 bool VoxelCache::TryEvict(BlockKey block) {
-  Slot& slot = this->slot(block);
-  uint32_t unpinned = kResident;
+  BlockSlots::Slot& slot = slots_[block];
+  uint32_t unpinned = BlockSlots::kResident;
   if (!slot.state.compare_exchange_strong(unpinned, 0)) return false;
   ResidentBlock* gone = slot.resident.exchange(nullptr);
   used_ -= RoomOf(block);
@@ -271,12 +270,13 @@ void VoxelCache::Publish(BlockKey block, std::unique_ptr<ResidentBlock> resident
     }
     ++counters_.loaded;
     counters_.bytes_loaded += resident->bytes.bytes().size();
-    Slot& slot = this->slot(block);
+    BlockSlots::Slot& slot = slots_[block];
     const uint64_t now = clock_.fetch_add(1);
     slot.last_use.store(static_cast<uint32_t>(now));
     slot.resident.store(resident.release(), std::memory_order_release);
     AddResident({now, block});
-    slot.state.store(kResident + static_cast<uint32_t>(mailboxes.size()), std::memory_order_release);
+    slot.state.store(BlockSlots::kResident + static_cast<uint32_t>(mailboxes.size()),
+                     std::memory_order_release);
   }
   if (on_change_) on_change_(block, true);
   for (Mailbox* mailbox : mailboxes) mailbox->Deliver(block, *this);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/status.h"
+#include "common/engine/blocks/block_slots.h"
 #include "common/engine/blocks/page_slabs.h"
 #include "common/engine/blocks/sweep.h"
 #include "common/kdtree/voxel_geometry.h"
@@ -70,12 +71,15 @@ class VoxelCache {
              std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change = {});
   ~VoxelCache();
 
+  /// The scene's blocks, and the environments whose pages lie here beside them.
+  BlockSlots& slots() { return slots_; }
+
   // --- compute threads
   /// Pins a block once. Returns: null when it is not resident.
   const ResidentBlock* TryPin(BlockKey block);
   /// The block. Requires: the caller holds a pin of it.
   const ResidentBlock* Pinned(BlockKey block) const {
-    return slot(block).resident.load(std::memory_order_acquire);
+    return slots_[block].resident.load(std::memory_order_acquire);
   }
   void Unpin(BlockKey block);
   /// Wants `block` for `rays` rays with directions in `octants`. Once the block is resident it is pinned for
@@ -119,12 +123,6 @@ class VoxelCache {
   Counters counters() const;
 
  private:
-  static constexpr uint32_t kResident = 1u << 31;
-  struct Slot {
-    std::atomic<uint32_t> state{0};     ///< kResident, and the number of pins in the bits below
-    std::atomic<uint32_t> last_use{0};  ///< low half of the clock's time
-    std::atomic<ResidentBlock*> resident{nullptr};
-  };
   /// A block in the cache, with a time that is not after its last use.
   struct Resident {
     uint64_t used;
@@ -138,7 +136,6 @@ class VoxelCache {
     OctantMask octants = 0;
     bool loading = false;
   };
-  Slot& slot(BlockKey block) const { return slots_[catalog_.NumberOf(block)]; }
   /// The bytes that a block counts.
   uint64_t RoomOf(BlockKey block) const;
   /// Evicts the block that was used last the longest ago, and appends it to `evicted`. Returns: false when
@@ -154,11 +151,10 @@ class VoxelCache {
   PageSlabs slabs_;    ///< outlives the blocks; the loader's
   PageBuffer spare_;   ///< of the last evicted block, until reused; the loader's
   PageBuffer unused_;  ///< the rest of UseFirst()'s memory; the loader's
-  const Catalog& catalog_;
   const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(BlockKey, bool)> on_change_;
-  std::unique_ptr<Slot[]> slots_;  ///< by block number
+  BlockSlots slots_;
   std::atomic<uint64_t> clock_{0};
   std::atomic<bool> starved_{false};
   std::atomic<uint64_t> wanted_bytes_{0};  ///< decoded bytes of the blocks in waiting_

@@ -38,7 +38,7 @@ void AmbientOcclusion::Shade(PacketWork& work, uint64_t lanes) const {
   s.Move(lanes, SamplePacket::kShade, SamplePacket::kLight);
 }
 
-void AmbientOcclusion::SendLightRays(PacketWork& work, uint64_t lanes) const {
+uint64_t AmbientOcclusion::SendLightRays(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   const uint64_t over = lanes & LanesWith(rays_, s.next_light), more = lanes & ~over;
   LightPacket& samples = work.scratch.light;
@@ -50,6 +50,7 @@ void AmbientOcclusion::SendLightRays(PacketWork& work, uint64_t lanes) const {
   work.batch.Began(std::popcount(more));
   s.Move(more, SamplePacket::kLight, SamplePacket::kShadow);
   s.Move(over, SamplePacket::kLight, SamplePacket::kNext);
+  return 0;
 }
 
 }  // namespace quarry

@@ -15,7 +15,7 @@ class AmbientOcclusion final : public LightRays {
   AmbientOcclusion(const View& view, const SceneMeta& scene);
   Needs needs() const override;
   void Shade(PacketWork& work, uint64_t lanes) const override;
-  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+  uint64_t SendLightRays(PacketWork& work, uint64_t lanes) const override;
 
  protected:
   bool LooksAtSeeThrough(const PacketWork& work) const override { return work.view.filter != nullptr; }

@@ -18,7 +18,7 @@ void Direct::Shade(PacketWork& work, uint64_t lanes) const {
 }
 
 /// Sends shadow rays toward the next light that can shine on each sample.
-void Direct::SendLightRays(PacketWork& work, uint64_t lanes) const {
+uint64_t Direct::SendLightRays(PacketWork& work, uint64_t lanes) const {
   SamplePacket& s = work.samples;
   const auto lights = static_cast<uint32_t>(view_.lights.size());
   const ScatterPacket& scatter = ScatterOfSurfaces(work, lanes & ~LanesWith(lights, s.next_light), albedo_);
@@ -36,6 +36,7 @@ void Direct::SendLightRays(PacketWork& work, uint64_t lanes) const {
   work.batch.Began(std::popcount(shone_on));
   s.Move(shone_on, SamplePacket::kLight, SamplePacket::kShadow);
   s.Move(lanes & ~shone_on, SamplePacket::kLight, after_);
+  return 0;
 }
 
 float Direct::End(const PacketWork& work, uint32_t lane) const {

@@ -11,7 +11,7 @@ class Direct : public LightRays {
   explicit Direct(const View& view) : Direct(view, BaseColor, SamplePacket::kNext) {}
   Needs needs() const override;
   void Shade(PacketWork& work, uint64_t lanes) const override;
-  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+  uint64_t SendLightRays(PacketWork& work, uint64_t lanes) const override;
 
  protected:
   /// `albedo`: the colour that scatters light; `after`: the stage after the last light.

@@ -34,8 +34,9 @@ void AllHits::Shade(PacketWork& work, uint64_t lanes) const {
 }
 
 /// The one light ray of a sample has ended.
-void AnyHits::SendLightRays(PacketWork& work, uint64_t lanes) const {
+uint64_t AnyHits::SendLightRays(PacketWork& work, uint64_t lanes) const {
   work.samples.Move(lanes, SamplePacket::kLight, SamplePacket::kNext);
+  return 0;
 }
 
 float AnyHits::End(const PacketWork& work, uint32_t lane) const { return work.samples.t_end[lane]; }

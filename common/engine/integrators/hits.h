@@ -42,7 +42,7 @@ class AnyHits final : public LightRays {
     return {.surfaces = false, .attributes = false, .pixels = false, .any_hit = true, .hits = rule_};
   }
   void Shade(PacketWork& /*work*/, uint64_t /*lanes*/) const override {}
-  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+  uint64_t SendLightRays(PacketWork& work, uint64_t lanes) const override;
 
  protected:
   bool LooksAtSeeThrough(const PacketWork& /*work*/) const override { return true; }

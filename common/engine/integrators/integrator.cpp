@@ -8,16 +8,19 @@
 namespace quarry {
 
 // No lane comes to a stage that the integrator does not move it to.
-void Integrator::SendLightRays(PacketWork& /*work*/, uint64_t /*lanes*/) const { QUARRY_DCHECK(false); }
 void Integrator::Shadowed(PacketWork& /*work*/, uint64_t /*lanes*/) const { QUARRY_DCHECK(false); }
 void Integrator::Passed(PacketWork& /*work*/, uint64_t /*lanes*/) const { QUARRY_DCHECK(false); }
 void Integrator::Bounce(PacketWork& /*work*/, uint64_t /*lanes*/) const { QUARRY_DCHECK(false); }
+uint64_t Integrator::SendLightRays(PacketWork& /*work*/, uint64_t /*lanes*/) const {
+  QUARRY_DCHECK(false);
+  return 0;
+}
 uint64_t Integrator::Tint(PacketWork& /*work*/, uint64_t /*lanes*/) const {
   QUARRY_DCHECK(false);
   return 0;
 }
 
-void Integrator::Missed(PacketWork& work, uint64_t lanes) const {
+uint64_t Integrator::Missed(PacketWork& work, uint64_t lanes) const {
   const SamplePacket& s = work.samples;
   const View& view = work.view.view;
   ForEachLane(lanes, [&](uint32_t i) {
@@ -27,6 +30,7 @@ void Integrator::Missed(PacketWork& work, uint64_t lanes) const {
     }
     work.film.Add(s.pixel[i], s.weight[static_cast<int>(i)] * view.background);
   });
+  return 0;
 }
 
 void AddLight(PacketWork& work, uint64_t lanes, const Vectors& radiance) {

@@ -36,12 +36,13 @@ class Integrator {
 
   /// The samples of `lanes` begin.
   virtual void Begin(PacketWork& /*work*/, uint64_t /*lanes*/) const {}
-  /// The rays of `lanes` to their nearest hits have left the scene. Requires: samples belong to pixels.
-  virtual void Missed(PacketWork& work, uint64_t lanes) const;
+  /// The rays of `lanes` to their nearest hits have left the scene. Returns: the lanes that wait for their
+  /// sky, at kLight; the samples of the others go on at kNext. Requires: samples belong to pixels.
+  virtual uint64_t Missed(PacketWork& work, uint64_t lanes) const;
   /// kShade: the surfaces are complete; without them, the hits are found. Adds the light that needs no ray.
   virtual void Shade(PacketWork& work, uint64_t lanes) const = 0;
-  /// kLight: sends the next light ray of each sample, or none.
-  virtual void SendLightRays(PacketWork& work, uint64_t lanes) const;
+  /// kLight: sends the next light ray of each sample, or none. Returns: the lanes that wait for a block.
+  virtual uint64_t SendLightRays(PacketWork& work, uint64_t lanes) const;
   /// kShadow: the light rays have been traced to any opaque hit.
   virtual void Shadowed(PacketWork& work, uint64_t lanes) const;
   /// kPass: the light rays, traced again to their nearest hits, have hit nothing more.

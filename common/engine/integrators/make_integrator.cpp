@@ -8,7 +8,8 @@
 
 namespace quarry {
 
-std::shared_ptr<const Integrator> MakeIntegrator(const View& view, const Catalog& scene) {
+std::shared_ptr<const Integrator> MakeIntegrator(const View& view, const Catalog& scene,
+                                                 const EnvironmentPages& environment) {
   switch (view.mode) {
     case RenderMode::kRaycast:
       return std::make_shared<const Raycast>();
@@ -17,7 +18,7 @@ std::shared_ptr<const Integrator> MakeIntegrator(const View& view, const Catalog
     case RenderMode::kWhitted:
       return std::make_shared<const Whitted>(view);
     case RenderMode::kPath:
-      return std::make_shared<const PathTracer>(view, scene);
+      return std::make_shared<const PathTracer>(view, scene, LightWays::kBoth, environment);
     case RenderMode::kVoxels:
       return std::make_shared<const VoxelColors>();
     case RenderMode::kAo:

@@ -42,10 +42,13 @@ export class LiveView {
   get upAxis() { return this.view?.up_axis ?? this.scene.up_axis; }
   /// The view's lights. `lights`: the default view's.
   lights(lights) {
+    if (this.hasSky) return [];
     if (this.scene?.shines && this.view?.mode === 'path' && !this.view.sky) return [];
     const own = this.upAxis === this.scene?.up_axis ? lights : this.scene?.turned_lights;
     return this.scene?.lamp && this.view?.mode === 'path' ? [...own, this.scene.lamp] : own;
   }
+  /// Whether an environment is the view's light.
+  get hasSky() { return this.view?.mode === 'path' && this.view.environment !== undefined; }
   /// The view's mode, as the server describes it.
   get mode() { return this.modes.find(({ name }) => name === this.view?.mode); }
   /// The names of the view's lights. Null: the mode has a light of its own.
@@ -58,7 +61,8 @@ export class LiveView {
       names.set(name, (names.get(name) ?? 0) + 1);
     }
     const list = [...names].map(([name, count]) => (count > 1 ? `${count} ${name}s` : name));
-    if (isPath && (this.view.sky ?? (own ? null : this.defaults.sky))) list.push('sky');
+    if (this.hasSky) list.push(this.view.environment.name);
+    else if (isPath && (this.view.sky ?? (own ? null : this.defaults.sky))) list.push('sky');
     if (isPath && list.length === 0) list.push('surfaces that shine');
     return list.length > 0 ? list.join(', ') : 'none';
   }

@@ -212,7 +212,7 @@ for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListe
 function wholeView() {
   if (!live.view) return null;
   const { sky, ...rest } = defaults;  // the default sky belongs to the default lights
-  return { ...rest, ...(sky && !live.view.lights ? { sky } : {}), lights: live.lights(defaults.lights), ...toFile(live.view) };
+  return { ...rest, ...(sky && !live.view.lights && !live.hasSky ? { sky } : {}), lights: live.lights(defaults.lights), ...toFile(live.view) };
 }
 
 /// Whether the picture on the screen is the exact picture of the newest view.

@@ -70,6 +70,13 @@ export class Panel {
   bindPicture() {
     $('mode').addEventListener('change', ({ target }) => this.live.change({ mode: target.value }));
     $('spp').addEventListener('change', ({ target }) => this.live.change({ spp: Number(target.value) }));
+    $('sky').addEventListener('change', ({ target }) => {
+      const { turn, strength } = this.live.view.environment ?? {};
+      this.live.change({ environment: target.value ? { name: target.value, turn, strength } : undefined });
+    });
+    const slideSky = (members) => this.slide({ environment: { ...this.live.view.environment, ...members } });
+    $('sky-turn').addEventListener('input', ({ target }) => slideSky({ turn: Number(target.value) }));
+    $('sky-strength').addEventListener('input', ({ target }) => slideSky({ strength: 2 ** Number(target.value) }));
     $('edges').addEventListener('change', ({ target }) => this.live.change({ edges: target.checked }));
     $('exposure-automatic').addEventListener('change', ({ target }) => {
       this.live.change({ exposure: target.checked ? undefined : Number(this.shownExposure().toFixed(2)) });
@@ -107,6 +114,7 @@ export class Panel {
   /// Fills in the choices of a new scene.
   setScene(scene) {
     this.showViews();
+    $('sky').replaceChildren(element('option', { value: '' }, 'By the lights'), ...(scene.environments ?? []).map((name) => element('option', { value: name }, shown(name))));
     const own = scene.cameras ?? [];
     $('cameras-row').hidden = own.length === 0;
     $('cameras').replaceChildren(element('option', { value: '' }, 'Choose…'),
@@ -127,6 +135,7 @@ export class Panel {
     $('mode').value = view.mode;
     $('edges').checked = Boolean(view.edges);
     this.refreshSamples(view.spp);
+    this.refreshSky(view);
     this.share.refresh();
     this.refreshPicture();
     for (const { id, name, text } of SETTINGS) {
@@ -135,6 +144,16 @@ export class Panel {
       else if (text) this.showSlider(id, value, text(value));
       else control.value = String(value);
     }
+  }
+
+  /// The sky's rows are there in mode path, where the server has environments.
+  refreshSky({ mode, environment }) {
+    $('sky-row').hidden = mode !== 'path' || !this.live.scene?.environments?.length;
+    for (const id of ['sky-turn-row', 'sky-strength-row']) $(id).hidden = $('sky-row').hidden || !environment;
+    $('sky').value = environment?.name ?? '';
+    const turn = environment?.turn ?? 0, strength = environment?.strength ?? 1;
+    this.showSlider('sky-turn', turn, `${Math.round(turn)}°`);
+    this.showSlider('sky-strength', Math.log2(strength), `× ${Number(strength.toPrecision(2))}`);
   }
 
   refreshSamples(spp) {

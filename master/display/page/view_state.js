@@ -3,7 +3,7 @@
 // In the page a view's camera always has `fov`, and also `ortho` while it is orthographic. In messages it has one of
 // them. A fragment names the members that differ from the default:
 // #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&tone=film&bg=0,0,0&axis=y&edges=yes
-// The members "hide", "only", "colors" and "section" stand there as JSON.
+// The members "hide", "only", "colors", "section" and "environment" stand there as JSON.
 
 import { cross, distance, length, subtract } from './vectors.js';
 
@@ -13,7 +13,7 @@ import { partsOf } from './parts/shown_parts.js';
 const DEFAULT_FOV = 45;
 /// Members by which a view looks inside the model.
 export const INSIDE = ['hide', 'only', 'colors', 'section'];
-const MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
+const MOST_TURN = 3600, MOST_STRENGTH = 1e6, MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
 
 /// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
 /// uses its own values for missing members, and a scene's lights could be longer than a message.
@@ -43,6 +43,14 @@ export function checkedInside(view) {
   const own = { ...view, hide: undefined, only: undefined, colors: undefined, ...partsOf(view), section: sectionOf(view.section) };
   const dropped = INSIDE.filter((name) => view[name] !== undefined && own[name] === undefined && !(name !== 'only' && Array.isArray(view[name]) && view[name].length === 0));
   return { view: Object.fromEntries(Object.entries(own).filter(([, value]) => value !== undefined)), dropped };
+}
+
+/// An environment of a file or a link, or undefined where it is invalid.
+export function environmentOf(given) {
+  if (typeof given?.name !== 'string' || !given.name) return undefined;
+  const isNumber = (x, least, most) => x === undefined || (Number.isFinite(x) && x >= least && x <= most);
+  if (!isNumber(given.turn, -MOST_TURN, MOST_TURN) || !isNumber(given.strength, 1e-6, MOST_STRENGTH)) return undefined;
+  return Object.fromEntries(['name', 'turn', 'strength'].filter((name) => given[name] !== undefined).map((name) => [name, given[name]]));
 }
 
 /// Whether a camera is valid.
@@ -89,6 +97,8 @@ export function fromFragment(fragment, defaults, modes) {
   view.background = numbers(given.get('bg'), 3, 0) ?? view.background;
   if (['yes', 'no'].includes(given.get('edges'))) view.edges = given.get('edges') === 'yes';
   for (const name of INSIDE) if (given.has(name)) view[name] = parsed(given.get(name));
+  const environment = environmentOf(parsed(given.get('environment')));
+  if (environment) view.environment = environment;
   return checkedInside(view).view;
 }
 
@@ -112,7 +122,7 @@ export function toFragment(view, defaults) {
   put('axis', view.up_axis ?? '', defaults.up_axis ?? '');
   put('bg', view.background ?? '', defaults.background ?? '');
   if (Boolean(view.edges) !== Boolean(defaults.edges)) put('edges', view.edges ? 'yes' : 'no', '');
-  for (const name of INSIDE) if (view[name]) put(name, JSON.stringify(view[name]), '');
+  for (const name of [...INSIDE, 'environment']) if (view[name]) put(name, JSON.stringify(view[name]), '');
   return parts.length ? '#' + parts.join('&') : '';
 }
 

@@ -55,7 +55,7 @@ class Bench {
         cache_(
             row.scene->catalog(), cache_bytes, [] {}, [] {}),
         source_{row.scene->store()},
-        loader_(row.scene->catalog(), cache_, source_, [](const Error& e) { FAIL(e.message); }) {}
+        loader_(cache_, source_, [](const Error& e) { FAIL(e.message); }) {}
 
   void Open(const View& view, const Tile& tile) { renderer.Open(Context(row_, view), tile); }
   /// A step, and the blocks that rays have been parked on in it.

@@ -24,12 +24,15 @@ double SeenRadiance(const Light& light) {
 
 }  // namespace
 
-int RangeOf(const View& view, const Catalog& scene) {
+int RangeOf(const View& view, const Catalog& scene, const SkyTable* environment) {
   if (!InfoOf(view.mode).bounces) return 0;
   double brightest = 0;
   for (const Light& light : view.lights) brightest = std::max(brightest, SeenRadiance(light));
   for (const Material& material : scene.materials)
     if (!material.unlit) brightest = std::max(brightest, static_cast<double>(Largest(material.emission)));
+  if (environment && view.environment.shines())
+    brightest = std::max(brightest, static_cast<double>(environment->facts().brightest) *
+                                        static_cast<double>(view.environment.strength));
   if (brightest == 0) {
     for (const Light& light : view.lights)
       brightest = std::max(brightest, static_cast<double>(Largest(light.radiance)));

@@ -40,8 +40,8 @@ double MeanOf(const glm::vec3& v) {
   return (static_cast<double>(v.x) + static_cast<double>(v.y) + static_cast<double>(v.z)) / 3;
 }
 
-glm::vec3 UpOf(const View& view, const SceneMeta& scene) {
-  return (view.up_axis != 0 ? view.up_axis : scene.up_axis) == 1 ? glm::vec3(0, 1, 0) : glm::vec3(0, 0, 1);
+uint32_t UpAxisOf(const View& view, const SceneMeta& scene) {
+  return view.up_axis != 0 ? view.up_axis : scene.up_axis;
 }
 
 /// Whether one face of the section's box, or one of its planes, cuts all of these points off.
@@ -92,7 +92,8 @@ PathLights::Entry PathLights::EntryOf(const Light& light) {
   return entry;
 }
 
-PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways)
+PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
+                       const EnvironmentPages& environment)
     : lights_(view.lights), section_(view.section), ways_(ways) {
   const SceneMeta& meta = scene.meta;
   const glm::dvec3 size = glm::dvec3(meta.bounds_upper) - glm::dvec3(meta.bounds_lower);
@@ -110,9 +111,14 @@ PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways)
   }
   if (view.sky.shines()) {
     const auto sun = std::ranges::find(lights_, LightKind::kSun, &Light::kind);
-    const glm::vec3 up = UpOf(view, meta);
+    const glm::vec3 up = UpAxisOf(view, meta) == 1 ? glm::vec3(0, 1, 0) : glm::vec3(0, 0, 1);
     sky_.emplace(view.sky, sun == lights_.end() ? up : sun->vector, up);
     add({}, MeanOf(sky_->mean()) * radius * radius);
+    can_be_met_ = true;
+  }
+  if (view.environment.shines()) {
+    environment_.emplace(view.environment, environment, UpAxisOf(view, meta));
+    add({}, std::max(MeanOf(environment_->mean()), 1e-30) * radius * radius);
     can_be_met_ = true;
   }
   Entry emitters;
@@ -131,6 +137,7 @@ void PathLights::ShareChances(const std::vector<double>& powers) {
     below += 0.5 * powers[i] / all + 0.5 / static_cast<double>(entries_.size());
     EndNumbers(below, i + 1 == entries_.size(), chosen_below_);
     entries_[i].chance = ChanceOf(begin, chosen_below_.back());
+    if (environment_ && !entries_[i].light && !entries_[i].emitters) environment_chance_ = entries_[i].chance;
     if (!entries_[i].emitters) continue;
     for (Shining& shining : shining_) shining.chance *= entries_[i].chance;
   }
@@ -181,6 +188,11 @@ PathLights::Sample PathLights::Toward(const glm::vec3& position, const glm::vec2
                                       const glm::vec2& u) const {
   const Entry& entry = entries_[Chosen(chosen_below_, choice.x)];
   if (entry.emitters) return TowardEmitter(position, choice.y, u);
+  if (!entry.light && environment_) {
+    const EnvironmentLight::Sample in_sky = environment_->Toward(choice.y, u);
+    const float density = in_sky.density * entry.chance;
+    return {in_sky.direction, kInfinity, glm::vec3(1 / density), density, glm::vec3(0), in_sky.texel};
+  }
   if (!entry.light) {
     const glm::vec3 direction = sky_->Direction(u);
     const float density = sky_->Density(direction) * entry.chance;

@@ -5,6 +5,8 @@
 #include <optional>
 #include <vector>
 
+#include "common/engine/blocks/environment_pages.h"
+#include "common/engine/integrators/path/environment_light.h"
 #include "common/engine/integrators/path/sky_light.h"
 #include "common/scene/shown/section_cut.h"
 #include "common/scene/view.h"
@@ -16,15 +18,16 @@ namespace quarry {
 /// for tests.
 enum class LightWays { kBoth, kAsked, kMet };
 
-/// The lights of a view for mode `path`: suns with discs, points and spots, rectangles, the sky, and the
-/// scene's table of emitters. Emitters that the view hides, colours or cuts off are left out. A vertex asks
-/// for one light, which it chooses by power and evenly, by halves; paths meet discs, rectangles and the sky
-/// too. Radiance is linear RGB, densities are by solid angle. Immutable, so thread-safe. The same bits on all
-/// machines. Memory: 76 bytes an emitter.
+/// The lights of a view for mode `path`: suns with discs, points and spots, rectangles, the sky or the
+/// environment, and the scene's table of emitters. Emitters that the view hides, colours or cuts off are left
+/// out. A vertex asks for one light, which it chooses by power and evenly, by halves; paths meet discs,
+/// rectangles and the sky too. Radiance is linear RGB, densities are by solid angle. Immutable, so
+/// thread-safe. The same bits on all machines. Memory: 76 bytes an emitter.
 class PathLights {
  public:
-  /// `view` is normalized.
-  PathLights(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth);
+  /// `view` is normalized. `environment`: the view's.
+  PathLights(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth,
+             const EnvironmentPages& environment = {});
   PathLights(const PathLights&) = delete;
 
   bool empty() const { return entries_.empty(); }
@@ -37,6 +40,8 @@ class PathLights {
     glm::vec3 light{0};   ///< radiance over the density; of a point, irradiance over the chance
     float density = 0;    ///< with which the direction is chosen; 0: of a point, which paths cannot find
     glm::vec3 normal{0};  ///< of an emitter, on the side of the position; 0: nothing is there to be hit
+    /// Of the environment: `light` lacks the factor of its radiance.
+    uint32_t texel = EnvironmentLight::kNoTexel;
   };
   /// The share of a light that a vertex has asked for, when its BSDF finds the direction with `met`; and that
   /// of a light that a ray has met, when a vertex asks for it with `asked`. Either is 0 where that way does
@@ -59,10 +64,15 @@ class PathLights {
                      float density) const;
   glm::vec3 Discs(const glm::vec3& direction, float density) const;
   glm::vec3 OfSky(const glm::vec3& direction, float density) const;
+  /// The environment, or null; and the share of its radiance that a ray of this density has which meets it.
+  const EnvironmentLight* environment() const { return environment_ ? &*environment_ : nullptr; }
+  float EnvironmentShare(uint32_t texel, float density) const {
+    return density > 0 ? MetShare(density, environment_->Density(texel) * environment_chance_) : 1.0f;
+  }
 
  private:
   struct Entry {
-    const Light* light = nullptr;  ///< null: the sky, or the emitters
+    const Light* light = nullptr;  ///< null: the sky, the environment, or the emitters
     bool emitters = false;
     float chance = 0;
     float disc_density = 0;    ///< of a sun's disc: 1 over its solid angle; 0: there is none
@@ -87,6 +97,8 @@ class PathLights {
 
   std::vector<Light> lights_;
   std::optional<SkyLight> sky_;
+  std::optional<EnvironmentLight> environment_;
+  float environment_chance_ = 0;
   std::vector<Entry> entries_;
   std::vector<uint32_t> chosen_below_;   ///< by entry: the first number, of 2^24, that chooses a later one
   std::vector<Shining> shining_;         ///< by ascending triangle

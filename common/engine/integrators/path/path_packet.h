@@ -19,6 +19,10 @@ struct PathPacket {
   float
       density[RayPacket::kRays];  ///< with which the ray under way was chosen; 0: lights could not choose it
   float light_end[RayPacket::kRays];  ///< where the light ray ends; units: t
+  // Lanes whose light ray goes to the environment, whose ray has come there so that the texel is looked up,
+  // and whose path ends with it.
+  uint64_t to_sky, in_sky, ends_in_sky;
+  uint32_t texel[RayPacket::kRays];  ///< of the environment
 };
 
 }  // namespace quarry

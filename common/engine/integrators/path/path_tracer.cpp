@@ -21,10 +21,20 @@ namespace {
 /// Bounces before paths end by chance.
 constexpr uint32_t kSafeBounces = 3;
 
+// No sampling uses these dimensions.
+constexpr uint32_t kPassDimension = 0xC08u << 20, kSkyDimension = 0xC09u << 20;
+
+/// Two numbers in [0, 1) for the texel of the environment that a path sees.
+glm::vec2 AsideInSky(const PacketWork& work, uint32_t lane) {
+  const SamplePacket& s = work.samples;
+  const RandomKey key{work.view.view.seed, s.image_pixel[lane], s.sample[lane], s.path_code[lane]};
+  return {static_cast<float>(RandomBits(key, kSkyDimension) >> 8) * 0x1p-24f,
+          static_cast<float>(RandomBits(key, kSkyDimension + 1) >> 8) * 0x1p-24f};
+}
+
 /// A number in [0, 1) for the path and the triangle that it has met, so that a triangle found twice has one
 /// fate.
 float ShareOf(const PacketWork& work, uint32_t lane) {
-  constexpr uint32_t kPassDimension = 0xC08u << 20;  // no sampling uses it
   const SamplePacket& s = work.samples;
   const RandomKey key{work.view.view.seed ^ Mix64(work.rays.triangle[lane]), s.image_pixel[lane],
                       s.sample[lane], s.path_code[lane]};
@@ -51,8 +61,9 @@ void AddTo(PathPacket& path, int lane, const glm::vec3& radiance) {
 
 }  // namespace
 
-PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways)
-    : view_(view), lights_(view, scene, ways), scale_(std::ldexp(1.0f, view.range)) {
+PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways,
+                       const EnvironmentPages& environment)
+    : view_(view), lights_(view, scene, ways, environment), scale_(std::ldexp(1.0f, view.range)) {
   can_find_light_ = lights_.can_be_met();
   for (const Material& material : scene.materials)
     can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
@@ -66,16 +77,21 @@ Integrator::Needs PathTracer::needs() const {
 void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
   PathPacket& path = *work.path;
   path.seen |= lanes;
+  path.to_sky &= ~lanes;
+  path.in_sky &= ~lanes;
+  path.ends_in_sky &= ~lanes;
   ForEachLane(lanes, [&](uint32_t i) {
     path.radiance.Set(static_cast<int>(i), glm::vec3(0));
     path.density[i] = 0;
   });
 }
 
-/// The eye sees the background and the discs of suns; the rays of further bounces see the sky.
-void PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
+/// The eye sees the background and the discs of suns; the rays of further bounces see the sky. All see an
+/// environment, but the eye of a meter.
+uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
   const SamplePacket& s = work.samples;
   PathPacket& path = *work.path;
+  uint64_t in_sky = 0;
   ForEachLane(lanes, [&](uint32_t i) {
     const auto lane = static_cast<int>(i);
     const glm::vec3 direction = work.rays.DirectionOf(i), origin = work.rays.RayOf(i).origin;
@@ -87,13 +103,57 @@ void PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
       light += lights_.Discs(direction, path.density[i]);
     }
     if (!of_eye) light += lights_.OfSky(direction, path.density[i]);
-    const bool shines = light != glm::vec3(0);
+    const bool sees_sky = lights_.environment() && !(of_eye && view_.meters);
+    if (sees_sky) in_sky |= uint64_t{1} << i;
+    const bool shines = sees_sky || light != glm::vec3(0);
     const bool uncovered = s.path_code[i] == kPrimaryPath;
     if (of_eye && !shines && !(uncovered && view_.backdrop)) light += view_.background;
     if (uncovered && (shines || !view_.backdrop)) work.film.Cover(s.pixel[i]);
     AddTo(path, lane, s.weight[lane] * light);
   });
-  EndPaths(work, lanes);
+  EndPaths(work, lanes & ~in_sky);
+  return EndInSky(work, in_sky);
+}
+
+/// The paths of `lanes` end in the environment once its texels are looked up. Returns: `lanes`, which wait.
+uint64_t PathTracer::EndInSky(PacketWork& work, uint64_t lanes) const {
+  SamplePacket& s = work.samples;
+  PathPacket& path = *work.path;
+  ForEachLane(lanes, [&](uint32_t i) {
+    const auto lane = static_cast<int>(i);
+    const glm::vec3 direction = work.rays.DirectionOf(i);
+    const float density = path.density[i];
+    path.texel[i] = density > 0 ? lights_.environment()->TexelAt(direction)
+                                : lights_.environment()->TexelAt(direction, AsideInSky(work, i));
+    s.light.Set(lane, s.weight[lane] * lights_.EnvironmentShare(path.texel[i], density));
+  });
+  path.in_sky |= lanes;
+  path.ends_in_sky |= lanes;
+  s.Move(lanes, SamplePacket::kNext, SamplePacket::kLight);
+  return lanes;
+}
+
+/// Adds the radiance of the environment's texels to the paths of `lanes`. Returns: the lanes that wait for a
+/// page, which are parked.
+uint64_t PathTracer::LookUpSky(PacketWork& work, uint64_t lanes) const {
+  PathPacket& path = *work.path;
+  BlockKey page;
+  const ResidentBlock* block = nullptr;
+  uint64_t waiting = 0;
+  ForEachLane(lanes, [&](uint32_t lane) {
+    const EnvironmentLight::Place place = lights_.environment()->PlaceOf(path.texel[lane]);
+    if (!block || place.page != page) block = work.Find(page = place.page);
+    if (!block) {
+      work.Park(lane, page);
+      waiting |= uint64_t{1} << lane;
+      return;
+    }
+    const auto i = static_cast<int>(lane);
+    const glm::vec3 radiance = lights_.environment()->RadianceAt(block->bytes.bytes(), place.index);
+    AddTo(path, i, work.samples.light[i] * radiance);
+  });
+  path.in_sky &= ~(lanes & ~waiting);
+  return waiting;
 }
 
 /// Adds the radiance of paths to their pixels.
@@ -210,6 +270,7 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf)
   if (lights_.empty()) return;
   SamplePacket& s = work.samples;
   const auto i = static_cast<int>(lane);
+  work.path->to_sky &= ~(uint64_t{1} << lane);
   const PathNumbers& numbers = work.path->numbers;
   const Surface surface = s.surface[i];
   const PathLights::Sample sample = lights_.Toward(surface.position, numbers.At(PathNumbers::kLight, lane),
@@ -220,6 +281,8 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf)
   if (sample.density > 0) light *= lights_.AskedShare(sample.density, scattered.density);
   if (!(Largest(light) > 0)) return;
   s.light.Set(i, light);
+  if (sample.texel != EnvironmentLight::kNoTexel) work.path->to_sky |= uint64_t{1} << lane;
+  work.path->texel[lane] = sample.texel;
   s.next_light[lane] = 1;  // the cut-outs' key tells light rays from the path's
   Ray ray;
   ray.origin = LeaveSurface(surface.position, surface.geometric_normal, sample.direction, work.view.offset);
@@ -236,9 +299,17 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf)
   work.rays.Set(lane, ray);
 }
 
-/// The light rays of `lanes` have ended.
-void PathTracer::SendLightRays(PacketWork& work, uint64_t lanes) const {
-  GoOn(work, lanes, SamplePacket::kLight);
+/// The light rays of `lanes` have ended, or the paths are in the environment.
+uint64_t PathTracer::SendLightRays(PacketWork& work, uint64_t lanes) const {
+  PathPacket& path = *work.path;
+  const uint64_t waiting = LookUpSky(work, lanes & path.in_sky);
+  lanes &= ~waiting;
+  const uint64_t ended = lanes & path.ends_in_sky;
+  path.ends_in_sky &= ~ended;
+  EndPaths(work, ended);
+  work.samples.Move(ended, SamplePacket::kLight, SamplePacket::kNext);
+  GoOn(work, lanes & ~ended, SamplePacket::kLight);
+  return waiting;
 }
 
 /// Sends the paths of `lanes` on from their vertices.
@@ -279,7 +350,9 @@ void PathTracer::GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from
 float PathTracer::End(const PacketWork& work, uint32_t lane) const { return work.path->light_end[lane]; }
 
 void PathTracer::Arrived(PacketWork& work, uint64_t lanes) const {
-  ForEachLane(lanes, [&](uint32_t lane) {
+  const uint64_t in_sky = lanes & work.path->to_sky;
+  work.path->in_sky |= in_sky;
+  ForEachLane(lanes & ~in_sky, [&](uint32_t lane) {
     const auto i = static_cast<int>(lane);
     AddTo(*work.path, i, work.samples.light[i]);
   });

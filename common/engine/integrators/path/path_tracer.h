@@ -1,5 +1,6 @@
 #pragma once
 
+#include "common/engine/blocks/environment_pages.h"
 #include "common/engine/integrators/light_rays.h"
 #include "common/engine/integrators/path/path_lights.h"
 #include "common/scene/surface_properties.h"
@@ -17,13 +18,14 @@ class PathBsdf;
 class PathTracer final : public LightRays {
  public:
   /// `view` is normalized, and outlives this.
-  PathTracer(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth);
+  PathTracer(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth,
+             const EnvironmentPages& environment = {});
 
   Needs needs() const override;
   void Begin(PacketWork& work, uint64_t lanes) const override;
-  void Missed(PacketWork& work, uint64_t lanes) const override;
+  uint64_t Missed(PacketWork& work, uint64_t lanes) const override;
   void Shade(PacketWork& work, uint64_t lanes) const override;
-  void SendLightRays(PacketWork& work, uint64_t lanes) const override;
+  uint64_t SendLightRays(PacketWork& work, uint64_t lanes) const override;
 
  protected:
   bool tints() const override { return true; }
@@ -41,6 +43,8 @@ class PathTracer final : public LightRays {
   void AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const;
   void GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) const;
   void EndPaths(PacketWork& work, uint64_t lanes) const;
+  uint64_t EndInSky(PacketWork& work, uint64_t lanes) const;
+  uint64_t LookUpSky(PacketWork& work, uint64_t lanes) const;
 
   const View& view_;
   const PathLights lights_;

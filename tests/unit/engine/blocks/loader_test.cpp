@@ -103,7 +103,7 @@ TEST_CASE("Blocks that a source gives at once are loaded in a loop and not in a 
   VoxelCache cache(
       catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   ImmediateSource source(*f.store);
-  Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
+  Loader loader(cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
   const auto blocks = test::BlocksOf(catalog);
   for (const BlockKey b : blocks) cache.Want(b, &mailbox, 1);
@@ -119,7 +119,7 @@ TEST_CASE("A block waits for room and is delivered when there is room") {
   VoxelCache cache(
       catalog, catalog.meta.largest_decoded, [] {}, [] {});
   ImmediateSource source(*f.store);
-  Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
+  Loader loader(cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
   const auto first = BlockKey::Hot(1), second = BlockKey::Hot(2);  // as large as each other: one fits
   cache.Want(first, &mailbox, 9);
@@ -142,7 +142,7 @@ TEST_CASE("The number of pending requests is bounded") {
   VoxelCache cache(
       catalog, 2 * f.DecodedBytes(), [] {}, [] {});
   PatientSource source(*f.store);
-  Loader loader(catalog, cache, source, [](const Error& e) { FAIL(e.message); });
+  Loader loader(cache, source, [](const Error& e) { FAIL(e.message); });
   Mailbox mailbox;
   const auto blocks = test::BlocksOf(catalog);
   for (const BlockKey b : blocks) cache.Want(b, &mailbox, 1);
@@ -166,7 +166,7 @@ TEST_CASE("A block that cannot be loaded ends the loader once") {
     void Fetch(BlockKey, Done done) override { done(tl::unexpected<Error>(Error{"out of order"})); }
   } source;
   std::vector<std::string> errors;
-  Loader loader(catalog, cache, source, [&](const Error& e) { errors.push_back(e.message); });
+  Loader loader(cache, source, [&](const Error& e) { errors.push_back(e.message); });
   Mailbox mailbox;
   for (const BlockKey b : test::BlocksOf(catalog)) cache.Want(b, &mailbox, 1);
   loader.Run();
@@ -187,7 +187,7 @@ TEST_CASE("A block for which the system has no memory ends the loader with a sen
           catalog, kLarge, [] {}, [] {});
       ImmediateSource source(*f.store);
       std::vector<std::string> errors;
-      Loader loader(catalog, cache, source, [&](const Error& e) { errors.push_back(e.message); });
+      Loader loader(cache, source, [&](const Error& e) { errors.push_back(e.message); });
       Mailbox mailbox;
       if (second) {
         cache.Want(BlockKey::Hot(0), &mailbox, 1);

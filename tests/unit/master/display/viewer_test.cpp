@@ -113,6 +113,7 @@ struct Watching {
                        [](uint64_t) { return FrameMemory::Reservation(); }},
                       [this] { return now_s; }};
   PartSelections selections{row.scene->store()};
+  const Environments environments{io, {}};
   ViewerSite site{io,
                   moving,
                   exact,
@@ -127,7 +128,8 @@ struct Watching {
                   {1u << 20},
                   [] {},
                   [this] { return now_s; },
-                  [](double) {}};
+                  [](double) {},
+                  &environments};
   const std::shared_ptr<Socket> socket = std::make_shared<Socket>();
   std::shared_ptr<Viewer> viewer;
 };
