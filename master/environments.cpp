@@ -15,8 +15,21 @@
 namespace quarry {
 namespace {
 
-std::string NameOf(const std::string& path) {
-  return std::filesystem::path(path.substr(0, path.find('?'))).stem().string();
+/// The name of the image that a store was made of, without its suffix; else that of the store.
+std::string NameOf(const StoreReader& store) {
+  const std::string& path = store.path();
+  const std::string file =
+      store.models().names.empty() ? path.substr(0, path.find('?')) : store.models().names[0];
+  return std::filesystem::path(file).stem().string();
+}
+
+/// As a command can name it from any folder. Cuts off the text behind "?" in an address: it may be a
+/// signature.
+std::string PlaceForPeople(const std::string& path) {
+  if (IsRemote(path)) return path.substr(0, path.find('?'));
+  std::error_code error;
+  const auto absolute = std::filesystem::absolute(path, error).lexically_normal();
+  return error ? path : absolute.string();
 }
 
 }  // namespace
@@ -31,7 +44,7 @@ Result<std::vector<Scene>> Environments::Open(const std::vector<std::string>& pl
     QUARRY_ASSIGN(StoreReader store, OpenStore(place, http));
     if (!store.catalog().sky)
       return BadUsage(fmt::format("--environment {}: is a scene's store, not that of an image", place));
-    if (!names.insert(NameOf(place)).second)
+    if (!names.insert(NameOf(store)).second)
       return BadUsage(fmt::format("--environment {}: another environment has this name", place));
     stores.emplace_back(std::make_shared<const StoreReader>(std::move(store)));
   }
@@ -43,8 +56,8 @@ Environments::Environments(boost::asio::io_context& io, const std::vector<Scene>
     auto source =
         store.MakeSource([&io](std::function<void()> task) { boost::asio::post(io, std::move(task)); });
     auto blocks = std::make_unique<BlockService>(*source, store.catalog());
-    all_.push_back({NameOf(store.store().path()), store, std::move(source), std::move(blocks),
-                    PackSections(store.store().catalog_sections())});
+    all_.push_back({NameOf(store.store()), PlaceForPeople(store.store().path()), store, std::move(source),
+                    std::move(blocks), PackSections(store.store().catalog_sections())});
   }
 }
 
@@ -84,9 +97,10 @@ std::vector<std::shared_ptr<Connection>> Environments::Stalled() const {
 
 Status Environments::Complete(View& view) const {
   ViewEnvironment& wanted = view.environment;
-  if (wanted.shines() && Find(wanted.id)) return {};
-  if (!wanted.shines() && wanted.name.empty()) return {};
-  if (const auto found = std::ranges::find(all_, wanted.name, &Served::name); found != all_.end()) {
+  if (!wanted.is_named() || (wanted.shines() && Find(wanted.id))) return {};
+  const auto is_named_so = [&](const Served& s) { return s.name == wanted.name || s.place == wanted.name; };
+  const auto found = wanted.shines() ? all_.end() : std::ranges::find_if(all_, is_named_so);
+  if (found != all_.end()) {
     wanted.id = found->store.catalog().id;
     return {};
   }

@@ -24,7 +24,8 @@ class Environments {
  public:
   /// A store, and what workers need of it.
   struct Served {
-    std::string name;  ///< of the file, without its folder and suffix
+    std::string name;   ///< of the image, without its folder and suffix
+    std::string place;  ///< of the store, for commands
     Scene store;
     std::unique_ptr<VoxelSource> source;
     std::unique_ptr<BlockService> blocks;

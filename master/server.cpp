@@ -133,7 +133,10 @@ Status Server::Run() {
 
 /// The service that renders the pictures that viewers save.
 SavedPictures::JobService Server::ForViewers() {
-  return {[this](const ConnectionPtr& c, JobRequest request) { return jobs_.Ask(c, std::move(request)); },
+  return {[this](const ConnectionPtr& c, JobRequest request) -> Status {
+            QUARRY_TRY(environments_.Complete(request.job.view));
+            return jobs_.Ask(c, std::move(request));
+          },
           // A viewer does not come back for a picture: its job need not wait for it.
           [this](const ConnectionPtr& c) { jobs_.ForgetClient(c, -1e9); },
           [this](uint64_t bytes) { return jobs_.Hold(bytes); }};
@@ -210,6 +213,7 @@ Status Server::OnMessage(const ConnectionPtr& c, Role role, const Message& m) {
   }
   if (role == Role::kClient && m.type == MessageType::kRenderJob) {
     QUARRY_ASSIGN(JobRequest request, DecodeJobRequest(m.table));
+    QUARRY_TRY(environments_.Complete(request.job.view));  // the environment is a part of the job's name
     return jobs_.Ask(c, std::move(request));
   }
   if (role == Role::kClient && m.type == MessageType::kQuery) {

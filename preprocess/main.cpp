@@ -227,7 +227,18 @@ Status CheckOutputs(const Texts& texts, PreprocessOptions& options) {
 }
 
 /// An image alone makes an environment; beside models it is a mistake.
-Status CheckImages(const PreprocessOptions& options) {
+Status CheckImages(const PreprocessOptions& options, const Texts& texts) {
+  if (IsEnvironment(options)) {
+    const std::pair<const char*, bool> given[] = {
+        {"--scale", options.scale != 1},
+        {"--up-axis", !texts.up.empty()},
+        {"--place", !texts.places.empty()},
+        {"--deflection", !texts.deflection.empty()},
+        {"--voxel-size", texts.voxel_size != Texts().voxel_size},
+        {"--resume", options.resume == PreprocessOptions::Resume::kYes}};
+    for (const auto& [option, is_given] : given)
+      if (is_given) return BadUsage(fmt::format("{} has no effect on an image; leave it out", option));
+  }
   if (options.models.size() < 2) return {};
   for (const std::string& model : options.models)
     if (PreprocessOptions alone{.models = {model}}; IsEnvironment(alone))
@@ -251,7 +262,7 @@ Status Run(PreprocessOptions options, const Texts& texts, bool plan) {
     return BadUsage("--voxel-size must lie between 4K and 4M");
   if (!(options.scale > 0) || options.scale > 1e12) return BadUsage("--scale must be a positive number");
   options.voxel_size = static_cast<uint32_t>(voxel);
-  QUARRY_TRY(CheckImages(options));
+  QUARRY_TRY(CheckImages(options, texts));
   options.up_axis = up == "y" ? 1 : up == "z" ? 2 : StatedUpAxis(options.models);
   QUARRY_TRY(ParseDeflection(texts.deflection, options));
   if (options.up_axis == 0 && !IsEnvironment(options))

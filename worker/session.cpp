@@ -27,13 +27,20 @@ uint64_t NewInstance() {
   return uint64_t{random()} << 32 | random() | 1;
 }
 
+/// Decoded bytes of the largest block of a scene, or of a page of an environment if there is one.
+uint32_t LargestOf(const Catalog& scene, uint64_t environment_bytes) {
+  constexpr uint32_t kTexelBytes = 6;
+  const uint32_t page = environment_bytes > 0 ? PageRoom(kPageSide * kPageSide * kTexelBytes) : 0;
+  return std::max(scene.meta.largest_decoded, page);
+}
+
 }  // namespace
 
 /// The largest environment counts as a part of the scene.
 Session::LoadedScene::LoadedScene(Catalog scene, uint64_t cache_bytes, uint64_t environment_bytes)
     : catalog(std::move(scene)),
       stored_bytes(StoredCache::ShareOf(cache_bytes, catalog.DecodedBytes() + environment_bytes,
-                                        catalog.meta.largest_decoded)) {}
+                                        LargestOf(catalog, environment_bytes))) {}
 
 Session::Session(const WorkerOptions& options)
     : options_(options),

@@ -29,14 +29,16 @@ Status CheckSky(const View& view) {
   return BadUsage("a sky with a turbidity needs a sun; add one with --sun");
 }
 
-Status CheckEnvironment(const View& view) {
+/// Other modes have no use for an environment.
+Status NormalizeEnvironment(View& view) {
+  if (view.mode != RenderMode::kPath) view.environment = {};
   const ViewEnvironment& e = view.environment;
   if (!e.is_named()) return {};
   if (!std::isfinite(e.turn) || std::fabs(e.turn) > kMostTurn)
     return BadUsage(fmt::format("the environment's turn must lie between -{0} and {0} degrees", kMostTurn));
   if (!(e.strength > 0 && e.strength <= kMostStrength))
     return BadUsage(fmt::format("the environment's strength must lie above 0, at most {}", kMostStrength));
-  if (view.sky.shines()) return BadUsage("a view has one sky: leave out --sky, or the environment");
+  if (view.sky.shines()) return BadUsage("a view has one sky: a clear one, or an environment");
   return {};
 }
 
@@ -96,7 +98,7 @@ Status NormalizeView(View& view) {
   if (view.bounces > kMaxBounces)
     return BadUsage(fmt::format("--bounces must lie between 0 and {}", kMaxBounces));
   QUARRY_TRY(CheckSky(view));
-  QUARRY_TRY(CheckEnvironment(view));
+  QUARRY_TRY(NormalizeEnvironment(view));
   if (std::abs(view.range) > kMostRange) return BadUsage("a view's range is too large");
   if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));

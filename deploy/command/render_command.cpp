@@ -40,9 +40,9 @@ Status CheckOutputs(const RenderArguments& a, const RenderJob& job,
                     const std::vector<std::string>& model_files) {
   OutputGuard guard(a.force ? OutputGuard::Force::kYes : OutputGuard::Force::kNo);
   for (const std::string& file : model_files) guard.AddInput(file);
-  for (const std::string* file :
-       {&a.scene, &a.environment, &a.camera_path, &a.lights, &a.security.secret_file, &a.security.tls_cert,
-        &a.security.tls_key, &a.security.tls_ca})
+  if (a.master.empty()) guard.AddInput(job.view.environment.name);
+  for (const std::string* file : {&a.scene, &a.camera_path, &a.lights, &a.security.secret_file,
+                                  &a.security.tls_cert, &a.security.tls_key, &a.security.tls_ca})
     guard.AddInput(*file);
   if (a.has_view_file()) guard.AddInput(a.view_file());
   const OutputKind& kind = job.format.name == "png" ? kPngOutput : kExrOutput;
@@ -220,7 +220,7 @@ struct Prepared {
 /// if there is one. With --master the name is the master's.
 Result<std::vector<std::string>> TakeEnvironment(const RenderArguments& a, View& view) {
   std::vector<std::string> stores;
-  if (!view.environment.is_named() || a.scene.empty()) return stores;
+  if (!view.environment.is_named() || view.mode != RenderMode::kPath || a.scene.empty()) return stores;
   QUARRY_ASSIGN(stores.emplace_back(), EnvironmentStoreFor(view.environment.name, a.quiet));
   QUARRY_ASSIGN(const StoreReader store, StoreReader::Open(stores[0]));
   view.environment.id = store.catalog().id;

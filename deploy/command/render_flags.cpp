@@ -73,17 +73,15 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--sky", a.sky,
                "Light of a clear sky, by its turbidity: 2 very clear, 10 hazy; it needs a sun")
       ->check(RealNumber(kLeastTurbidity, kMostTurbidity));
-  auto* const environment = c.add_option(
+  c.add_option(
       "--environment", a.environment,
       "Light of a photographed sky: an image of all directions (.hdr, .exr) or its store; with --master the "
       "name of one of its environments");
   c.add_option("--environment-turn", a.environment_turn,
                "Turn of the environment about the up axis, in degrees")
-      ->needs(environment)
       ->check(RealNumber(-kMostTurn, kMostTurn))
       ->capture_default_str();
   c.add_option("--environment-strength", a.environment_strength, "Factor of the environment's light")
-      ->needs(environment)
       ->check(RealNumber(1e-6, kMostStrength))
       ->capture_default_str();
   c.add_option("--bounces", a.bounces, "Bounces of light, in mode path")

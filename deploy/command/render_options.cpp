@@ -86,6 +86,26 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
   return {};
 }
 
+/// A sky replaces the other kind of the view's file.
+Status ParseSky(const RenderArguments& a, View& view) {
+  if (Typed(a, "--sky") && Typed(a, "--environment"))
+    return BadUsage("--sky and --environment are two skies; leave one out");
+  if (Typed(a, "--sky")) {
+    view.sky = {glm::vec3(0), a.sky};
+    view.environment = {};
+  }
+  if (Typed(a, "--environment")) {
+    view.environment = {a.environment, {}};
+    view.sky = {};
+  }
+  for (const char* option : {"--environment-turn", "--environment-strength"})
+    if (Typed(a, option) && !view.environment.is_named())
+      return BadUsage(fmt::format("{} needs --environment", option));
+  if (Typed(a, "--environment-turn")) view.environment.turn = a.environment_turn;
+  if (Typed(a, "--environment-strength")) view.environment.strength = a.environment_strength;
+  return {};
+}
+
 Status ParseImage(const RenderArguments& a, RenderJob& job) {
   View& view = job.view;
   uint32_t size[2], crop[4];
@@ -107,12 +127,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;
   if (Typed(a, "--ao-distance")) view.ao_distance = a.ao_distance;
   if (Typed(a, "--bounces")) view.bounces = a.bounces;
-  if (Typed(a, "--sky")) view.sky = {glm::vec3(0), a.sky};
-  if (Typed(a, "--environment")) {
-    if (Typed(a, "--sky")) return BadUsage("--sky and --environment are two skies; leave one out");
-    view.environment = {a.environment, {}, a.environment_turn, a.environment_strength};
-    view.sky = {};
-  }
+  QUARRY_TRY(ParseSky(a, view));
   if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
   if (Typed(a, "--tonemap")) QUARRY_TRY(ParseTone(a.tonemap, job.format));
   if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));

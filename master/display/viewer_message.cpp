@@ -34,7 +34,8 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
   }
   QUARRY_TRY(ReadView(object, offset, description));
   View& view = description.view;
-  if (!lights && view.environment.is_named() && view.mode == RenderMode::kPath) {
+  const bool has_sky = view.environment.is_named() && view.mode == RenderMode::kPath;
+  if (!lights && has_sky) {
     view.lights.clear();  // it is the light
     view.sky = {};
   } else if (!lights) {

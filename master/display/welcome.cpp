@@ -74,7 +74,8 @@ ordered_json TurnedLights(const ViewDescription& defaults, const SceneSummary& s
 
 ordered_json NamesOf(const Environments& environments) {
   auto names = ordered_json::array();
-  for (const Environments::Served& served : environments.all()) names.push_back(served.name);
+  for (const Environments::Served& served : environments.all())
+    names.push_back({{"name", served.name}, {"store", served.place}});
   return names;
 }
 

@@ -17,6 +17,7 @@ Result<ProbedFrame> ProbeFrame(Renderer& renderer, const View& view, std::stop_t
   sparse.spp = 1;
   sparse.aov_mask = 0;
   sparse.bounces = 0;  // light that bounces meets blocks of the whole scene
+  sparse.environment = {};
   ProbedFrame frame(tiles.size());
   QUARRY_TRY(renderer.Render(
       sparse, tiles,

@@ -30,7 +30,7 @@ bool SkySurvey::AddRow(std::span<const float> row, uint32_t& bad_x) {
 
 bool SkySurvey::Finish() {
   rows_ = 0;
-  if (!(brightest_ > 0)) return false;
+  if (!(brightest_ > 1e-30f)) return false;
   exponent_ = std::ilogb(brightest_) - 14;
   std::vector<uint32_t> by_weight(cells_.count());
   std::iota(by_weight.begin(), by_weight.end(), 0u);

@@ -19,7 +19,7 @@ class SkySurvey {
   /// Adds the next row of the first pass: three channels a texel. Returns: false where a value is negative or
   /// no number; then `bad_x` is its column.
   bool AddRow(std::span<const float> row, uint32_t& bad_x);
-  /// Ends the first pass. Returns: whether the sky has any light.
+  /// Ends the first pass. Returns: whether the sky has any light: a radiance above 1e-30.
   bool Finish();
   /// The exponent with which the brightest texel is a half float of [2^14, 2^15). Requires: Finish().
   int32_t exponent() const { return exponent_; }

@@ -26,6 +26,7 @@ export class Cluster {
     this.children = new Set();
     this.workers = [];
     this.logs = '';
+    this.environments = [];  // stores that the master is started with
   }
 
   file(name) { return path.join(this.folder, name); }
@@ -71,10 +72,19 @@ export class Cluster {
   async startMaster() {
     this.master = this.start(path.join(BIN, 'quarry-master'), this.store, '--listen', `127.0.0.1:${this.masterPort}`,
       '--http', `127.0.0.1:${this.httpPort}`, '--view-token-file', this.file('token'),
-      '--viewer-url', `https://localhost:${this.nginxPort}/a/b/`);
+      '--viewer-url', `https://localhost:${this.nginxPort}/a/b/`, ...this.environments.flatMap(store => ['--environment', store]));
     for await (const line of readline.createInterface({ input: this.master.stdout }))
       if (line.startsWith('listening')) break;
     this.url = `http://127.0.0.1:${this.httpPort}/?token=${this.token}`;
+  }
+
+  /** Makes the store of a sky that is bright on one side, for a master that starts later. */
+  addEnvironment(name) {
+    const width = 64, pixels = Buffer.alloc(width * width / 2 * 4);
+    for (let i = 0; i < pixels.length; i += 4) pixels.set([200, 150, 100, 128 + (i / 4 % width < width / 4 ? 3 : 0)], i);
+    fs.writeFileSync(this.file(`${name}.hdr`), Buffer.concat([Buffer.from(`#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y ${width / 2} +X ${width}\n`), pixels]));
+    this.environments.push(this.file(`${name}.quarry`));
+    this.run('quarry-preprocess', this.file(`${name}.hdr`), '-o', this.environments.at(-1), '--quiet');
   }
 
   addWorker() {

@@ -48,6 +48,7 @@ function ask(target, headers = {}, method = 'GET') {
 }
 
 before(async () => {
+  cluster.addEnvironment('evening');
   await cluster.begin(300000);
   for (let i = 0; i < 3; ++i) cluster.addWorker();
   browser = await launch();
@@ -99,6 +100,29 @@ test('another mode is rendered as a batch job renders it', async () => {
     await checkExact(page);
     await shoot(page, mode);
   }
+});
+
+test('a sky is chosen and turned, and the link names it', async () => {
+  const view = await viewOf(page);
+  await page.evaluate(next => window.quarry.setView(next), { ...view, mode: 'path', spp: 2 });
+  await page.click('#tool-panel');
+  await page.locator('#sky-row').waitFor({ state: 'visible' });
+  assert.ok(await page.locator('#sky-turn-row').isHidden());
+  await page.selectOption('#sky', 'evening');
+  await page.locator('#sky-turn').fill('90');
+  await untilExact(page);
+  assert.deepEqual((await viewOf(page)).environment, { name: cluster.environments[0], turn: 90 });
+  await checkExact(page);
+  await shoot(page, 'sky');
+  await page.waitForFunction(() => location.hash.includes('environment='));
+  const turned = (await exactOf(page)).png;
+  await page.locator('#sky-turn').fill('200');
+  assert.ok(!(await exactOf(page)).png.equals(turned), 'another turn is another picture');
+  await page.selectOption('#sky', '');
+  await checkExact(page);
+  assert.equal((await viewOf(page)).environment, undefined);
+  await page.click('#tool-panel');
+  await page.evaluate(next => window.quarry.setView(next), view);
 });
 
 test('a worker dies and another joins during a flight', async () => {

@@ -122,6 +122,9 @@ test('a link holds hidden parts, colours and the section; other text in it is ig
   const view = { ...home, hide: ['a/b #2', 'ü'], only: ['*'], colors: [{ parts: ['a'], color: [0.1, 0.2, 0.3] }], section: { box: [[0, 0, 0], [1, 1, 1]], caps: false } };
   assert.deepEqual(fromFragment(toFragment(view, home), home, ['ao']), view);
   assert.deepEqual(fromFragment(toFragment({ ...home, tonemap: 'clip' }, home), home, ['ao']), { ...home, tonemap: 'clip' });
+  const lit = { ...home, environment: { name: 'sunset, late', turn: 40, strength: 0.5 } };
+  assert.deepEqual(fromFragment(toFragment(lit, home), home, ['ao']), lit);
+  assert.deepEqual(fromFragment('#environment={"name":"x","turn":"far"}', home, ['ao']), home);
   assert.deepEqual(fromFragment('#hide=[1]&only=x&section={}&tone=loud', home, ['ao']), home);
   assert.deepEqual(checkedInside({ ...home, only: [], hide: [] }).dropped, ['only']);
 });

@@ -189,7 +189,7 @@ TEST_CASE("Under an even sky white things cannot be seen, and matt ones are as t
           "[reference][path][environment]") {
   const auto even = [](uint32_t, uint32_t) { return glm::vec3(0.5f); };
   const Outdoors cube(Cube(), Matt(1), 128, even);
-  View view = cube.Looking({2, 1.5, 1.2}, {0, 0, 0}, 32, 64);
+  View view = cube.Looking({2, 1.5, 1.2}, {0, 0, 0}, 32, 256);
   view.camera.fov_degrees = 30;
   for (const glm::dvec3& pixel : cube.Picture(view)) CHECK(pixel.x == Approx(0.5).epsilon(0.08));
   CHECK(MeanOf(cube.Picture(view)) == Approx(0.5).epsilon(2e-3));

@@ -182,8 +182,8 @@ Result<SkyTable> SkyTable::Decode(std::span<const std::byte> bytes, uint32_t wid
   for (int c = 0; c < 3; ++c)
     if (!(facts.mean[c] >= 0 && std::isfinite(facts.mean[c])))
       return Fail("the ENVR section has a mean that cannot be");
-  if (!in.ok() || std::abs(facts.exponent) > kMostExponent || !(facts.brightest > 0) ||
-      !std::isfinite(facts.brightest))
+  if (!in.ok() || facts.exponent < -kMostExponent || facts.exponent > kMostExponent ||
+      !(facts.brightest > 0) || !std::isfinite(facts.brightest))
     return Fail("the ENVR section has facts that cannot be");
   SkyTable table(SkyCells(width), facts);
   QUARRY_TRY(table.TakeNumbers(in));

@@ -47,6 +47,8 @@ Result<std::pair<uint32_t, uint32_t>> CheckRendering(const ClusterArguments& a) 
   if (a.tasks > 0 && render.camera_path.empty())
     return BadUsage("--array divides the frames of a --camera-path, and none is given");
   QUARRY_ASSIGN(const RenderJob job, CheckedJob(render));
+  if (job.view.environment.is_named())
+    return BadUsage("--environment is not known to jobs yet; start quarry-master --environment by hand");
   if (a.tasks > job.cameras.size())
     return BadUsage(fmt::format("--array {}: there are {} frames to divide", a.tasks, job.cameras.size()));
   return std::pair(job.first_frame, job.first_frame + static_cast<uint32_t>(job.cameras.size()) - 1);

@@ -23,7 +23,7 @@ import { Selections } from './parts/selections.js';
 import { Settings } from './settings.js';
 import { Share } from './share.js';
 import { StageSize } from './stage_size.js';
-import { checkedInside, fromWire, ownMembers, toFile } from './view_state.js';
+import { checkedInside, fromWire, ownMembers, skyOf, toFile } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const VIEWS = ['iso', 'top', 'front', 'back', 'left', 'right', 'inside'];
@@ -82,6 +82,7 @@ function welcome(message) {
   settings.send();
   activity.restart();
   if (isSame) {
+    dropUnknownSky(scene.environments);
     stageSize.tell();
   } else {
     navigation.reset();
@@ -90,6 +91,7 @@ function welcome(message) {
     live.endHolds();
     inside.sceneChanged(scene.scene_id);
     live.view = isFirst ? link.read(location.hash) : link.home;
+    dropUnknownSky(scene.environments);
     viewChanged();
     document.title = `${shown(scene.name)} – Quarry`;
     panel.setModes(message.modes);
@@ -99,6 +101,14 @@ function welcome(message) {
   selections.ask();
   live.reconnected();
   link.write();
+}
+
+/// Takes an environment that the server does not have out of the view.
+function dropUnknownSky(known) {
+  const { environment, ...rest } = live.view;
+  if (!environment || skyOf(environment.name, known)) return;
+  live.view = rest;
+  tell(`The server has no sky “${shown(environment.name)}”.`);
 }
 
 /// Replaces the shown view, and any motion, by a whole view.
@@ -212,7 +222,7 @@ for (const [name, use] of Object.entries(tools)) $(`tool-${name}`).addEventListe
 function wholeView() {
   if (!live.view) return null;
   const { sky, ...rest } = defaults;  // the default sky belongs to the default lights
-  return { ...rest, ...(sky && !live.view.lights && !live.hasSky ? { sky } : {}), lights: live.lights(defaults.lights), ...toFile(live.view) };
+  return { ...rest, ...(sky && !live.view.lights && !live.view.environment ? { sky } : {}), lights: live.lights(defaults.lights), ...toFile(live.view, live.scene.environments) };
 }
 
 /// Whether the picture on the screen is the exact picture of the newest view.

@@ -3,6 +3,7 @@
 import { isOrthographic } from './camera.js';
 import { hexToRadiance, radianceToHex } from './colours.js';
 import { element, shown } from './formats.js';
+import { environmentOf, skyOf } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const SAMPLES = [1, 2, 4, 8, 16, 32, 64, 128, 256];
@@ -71,8 +72,8 @@ export class Panel {
     $('mode').addEventListener('change', ({ target }) => this.live.change({ mode: target.value }));
     $('spp').addEventListener('change', ({ target }) => this.live.change({ spp: Number(target.value) }));
     $('sky').addEventListener('change', ({ target }) => {
-      const { turn, strength } = this.live.view.environment ?? {};
-      this.live.change({ environment: target.value ? { name: target.value, turn, strength } : undefined });
+      const environment = target.value ? environmentOf({ ...this.live.view.environment, name: target.value }) : undefined;
+      this.live.change({ environment, sky: undefined });
     });
     const slideSky = (members) => this.slide({ environment: { ...this.live.view.environment, ...members } });
     $('sky-turn').addEventListener('input', ({ target }) => slideSky({ turn: Number(target.value) }));
@@ -114,7 +115,7 @@ export class Panel {
   /// Fills in the choices of a new scene.
   setScene(scene) {
     this.showViews();
-    $('sky').replaceChildren(element('option', { value: '' }, 'By the lights'), ...(scene.environments ?? []).map((name) => element('option', { value: name }, shown(name))));
+    $('sky').replaceChildren(element('option', { value: '' }, 'By the lights'), ...(scene.environments ?? []).map(({ name }) => element('option', { value: name }, shown(name))));
     const own = scene.cameras ?? [];
     $('cameras-row').hidden = own.length === 0;
     $('cameras').replaceChildren(element('option', { value: '' }, 'Choose…'),
@@ -150,7 +151,7 @@ export class Panel {
   refreshSky({ mode, environment }) {
     $('sky-row').hidden = mode !== 'path' || !this.live.scene?.environments?.length;
     for (const id of ['sky-turn-row', 'sky-strength-row']) $(id).hidden = $('sky-row').hidden || !environment;
-    $('sky').value = environment?.name ?? '';
+    $('sky').value = environment ? skyOf(environment.name, this.live.scene?.environments)?.name : '';
     const turn = environment?.turn ?? 0, strength = environment?.strength ?? 1;
     this.showSlider('sky-turn', turn, `${Math.round(turn)}°`);
     this.showSlider('sky-strength', Math.log2(strength), `× ${Number(strength.toPrecision(2))}`);

@@ -26,10 +26,15 @@ export function fromWire(camera) {
   return { up: [0, 0, 1], ...camera, fov: camera.fov ?? DEFAULT_FOV };
 }
 
-/// The view in the form of `quarry render --view`.
-export function toFile(view) {
-  const { fov, ortho, ...place } = view.camera;
-  return { ...view, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };
+/// The environment of a name or a place among the server's, or undefined.
+export function skyOf(name, environments) { return environments?.find((one) => one.name === name || one.store === name); }
+
+/// The view in the form of `quarry render --view`. With the server's `environments` it names the place of its own, so
+/// that it can be rendered without this server too.
+export function toFile(view, environments) {
+  const { fov, ortho, ...place } = view.camera, sky = view.environment && skyOf(view.environment.name, environments);
+  const own = sky ? { environment: { ...view.environment, name: sky.store } } : {};
+  return { ...view, ...own, camera: ortho > 0 ? { ...place, ortho } : { ...place, fov } };
 }
 
 /// The view in the server's form, without its lists of parts: the server knows them as a selection.
@@ -40,7 +45,7 @@ export function toWire(view) {
 
 /// A view from a file or a link: of its lists of parts and its section, the valid ones. `dropped`: names of the others.
 export function checkedInside(view) {
-  const own = { ...view, hide: undefined, only: undefined, colors: undefined, ...partsOf(view), section: sectionOf(view.section) };
+  const own = { ...view, hide: undefined, only: undefined, colors: undefined, ...partsOf(view), section: sectionOf(view.section), environment: environmentOf(view.environment) };
   const dropped = INSIDE.filter((name) => view[name] !== undefined && own[name] === undefined && !(name !== 'only' && Array.isArray(view[name]) && view[name].length === 0));
   return { view: Object.fromEntries(Object.entries(own).filter(([, value]) => value !== undefined)), dropped };
 }

@@ -14,7 +14,7 @@ import unittest.mock
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.programs import BIN, Case, end, main
 
-VIEW = ["--mode", "path", "--size", "128x96", "--spp", 8, "--bounces", 3]
+VIEW = ["--mode", "path", "--spp", 8, "--bounces", 3]
 
 
 def hdr(width, height, color):
@@ -58,9 +58,9 @@ class Environments(Case):
         self.sky = self.path("evening.hdr")
         pathlib.Path(self.sky).write_bytes(hdr(512, 256, evening))
 
-    def render(self, name, *arguments):
+    def render(self, name, *arguments, size="128x96"):
         output = self.path(name + ".exr")
-        self.must("quarry", "render", "-o", output, "--quiet", *VIEW, *arguments)
+        self.must("quarry", "render", "-o", output, "--quiet", "--size", size, *VIEW, *arguments)
         return pathlib.Path(output).read_bytes()
 
     def test_the_same_picture(self):
@@ -99,7 +99,7 @@ class Environments(Case):
             victim.send_signal(signal.SIGKILL)
             self.start_worker(address, "--threads", 2)
             self.assertEqual(client.wait(timeout=60), 0, client.stderr.read())
-            whole = self.render("whole", scene, "--environment", sky, "--size", "512x384")
+            whole = self.render("whole", scene, "--environment", sky, size="512x384")
             self.assertEqual(pathlib.Path(output).read_bytes(), whole)
             self.must_fail(1, "no environment 'noon', but 'evening'", "quarry", "render", "-o", self.path("n.exr"), "--master", address,
                            *VIEW, "--environment", "noon")

@@ -107,8 +107,10 @@ uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
     if (sees_sky) in_sky |= uint64_t{1} << i;
     const bool shines = sees_sky || light != glm::vec3(0);
     const bool uncovered = s.path_code[i] == kPrimaryPath;
-    if (of_eye && !shines && !(uncovered && view_.backdrop)) light += view_.background;
-    if (uncovered && (shines || !view_.backdrop)) work.film.Cover(s.pixel[i]);
+    const bool has_background = !view_.backdrop && !lights_.environment();
+    if (of_eye && !shines && (has_background || !(uncovered || lights_.environment())))
+      light += view_.background;
+    if (uncovered && (shines || has_background)) work.film.Cover(s.pixel[i]);
     AddTo(path, lane, s.weight[lane] * light);
   });
   EndPaths(work, lanes & ~in_sky);
