@@ -16,6 +16,7 @@ namespace {
 
 /// "FILE, image NAME of MODEL", shorter if that repeats itself.
 std::string NameOf(const TextureImage& image) {
+  if (image.model == image.file) return image.file;
   return image.file.ends_with(image.name) ? fmt::format("{} (of {})", image.file, image.model)
                                           : fmt::format("{}, image {}", image.model, image.name);
 }

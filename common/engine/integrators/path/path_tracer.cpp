@@ -107,10 +107,9 @@ uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
     if (sees_sky) in_sky |= uint64_t{1} << i;
     const bool shines = sees_sky || light != glm::vec3(0);
     const bool uncovered = s.path_code[i] == kPrimaryPath;
-    const bool has_background = !view_.backdrop && !lights_.environment();
-    if (of_eye && !shines && (has_background || !(uncovered || lights_.environment())))
-      light += view_.background;
-    if (uncovered && (shines || has_background)) work.film.Cover(s.pixel[i]);
+    const bool is_backdrop = lights_.environment() || (uncovered && view_.backdrop);
+    if (of_eye && !shines && !is_backdrop) light += view_.background;
+    if (uncovered && (shines || !is_backdrop)) work.film.Cover(s.pixel[i]);
     AddTo(path, lane, s.weight[lane] * light);
   });
   EndPaths(work, lanes & ~in_sky);
