@@ -218,11 +218,10 @@ void Jobs::Encode(Rendered rendered, double ev) {
 void Jobs::Meter(const std::shared_ptr<Job>& job) {
   if (std::exchange(job->metering, true)) return;
   const ImageFormat& format = job->job.format;
-  if (format.name != "png")
-    job->ev = 0;
-  else if (format.exposure)
+  const bool is_png = format.name == "png";
+  if (is_png && format.exposure)
     job->ev = format.exposure;
-  else if (!InfoOf(job->job.view.mode).metered)
+  else if (!is_png || !InfoOf(job->job.view.mode).metered)
     job->ev = 0;
   else
     callbacks_.meter(*job, [this, job](double ev) { Metered(job, ev); });
