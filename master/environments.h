@@ -18,8 +18,8 @@ class io_context;
 
 namespace quarry {
 
-/// The environments that a master serves beside its scene, by their stores' names. Used from the io_context's
-/// thread.
+/// The environments that a master serves beside its scene, by the names of their images. Used from the
+/// io_context's thread.
 class Environments {
  public:
   /// A store, and what workers need of it.
@@ -53,7 +53,7 @@ class Environments {
   std::vector<std::shared_ptr<Connection>> Stalled() const;
 
   /// Finds the environment that a view names and sets its id. A view without one stays as it is. Errors: the
-  /// view names one that is not here (the sentence has those that are).
+  /// master has no such environment; the sentence names those that it has.
   Status Complete(View& view) const;
   /// The table of the view's environment, or null. Requires: Complete().
   const SkyTable* TableOf(const View& view) const;

@@ -15,8 +15,8 @@ namespace quarry {
 
 struct ResidentBlock;
 
-/// A cache's notes about each block that it may hold: those of a scene, and the pages of the environments
-/// that were added. Notes and their places never go. Memory: 16 bytes a block. Thread-safe.
+/// A cache's notes about each block that it may hold. The blocks are those of a scene, and the pages of the
+/// environments that were added. Notes stay where they are. Memory: 16 bytes a block. Thread-safe.
 class BlockSlots {
  public:
   static constexpr uint32_t kResident = 1u << 31;

@@ -56,7 +56,7 @@ class Mailbox {
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
 /// Units: bytes, decoded; a texture's page counts as PageRoom().
-/// Memory beyond the limit: 16 bytes a block of the scene.
+/// Memory beyond the limit: 16 bytes a block of the scene and of its environments.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
 /// Requires: a thread that waits for a block holds no pins.
 /// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU). Pinning for all waiting threads and the

@@ -47,8 +47,9 @@ class SkyCells {
 
 /// The table by which paths ask a photographed sky for light: each cell, and each part of the brightest, has
 /// as many of 2^24 numbers as its share of the sky's power. One without a number is left to paths that meet
-/// it. Whole numbers, so that every machine chooses alike. Memory: 4 bytes a cell and a part, 5 MiB at most.
-/// Immutable, so thread-safe. Source: Pharr, Jakob & Humphreys 2023, section 12.5 (a density by the image).
+/// it. Whole numbers, so that every machine chooses alike. Memory: 8 bytes a cell, 4 a part, 8 a row of
+/// texels; 6 MiB at most. Immutable, so thread-safe. Source: Pharr, Jakob & Humphreys 2023, section 12.5 (a
+/// density by the image).
 class SkyTable {
  public:
   static constexpr uint32_t kNumbers = 1u << 24, kMostDivided = 1024;

@@ -122,6 +122,7 @@ class Environments(Case):
         scene = self.store("plant", 2000)
         images = {
             "text.hdr": (b"no image at all\n", "text.hdr: cannot be read as an image"),
+            "empty.hdr": (b"", "empty.hdr: cannot be read as an image"),
             "cut.hdr": (hdr(64, 32, lambda x, y: (1, 1, 1))[:4000], "cut.hdr"),
             "square.hdr": (hdr(32, 32, lambda x, y: (1, 1, 1)), "square.hdr: is 32 x 32 pixels large.*twice as wide as high"),
             "black.hdr": (hdr(64, 32, lambda x, y: (0, 0, 0)), "black.hdr: is black all over"),

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 
-/// From the image's axes, in which z is up, to those of the scene.
+/// Turns a vector from the axes of the image, where z is up, to those of the scene; and back.
 glm::vec3 ToScene(double x, double y, double z, uint32_t up_axis) {
   const glm::dvec3 v = up_axis == 1 ? glm::dvec3(x, z, -y) : glm::dvec3(x, y, z);
   return glm::vec3(v);
