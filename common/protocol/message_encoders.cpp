@@ -58,6 +58,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->sky = ToVector(view.sky.radiance);
   w->turbidity = view.sky.turbidity;
   w->meters = view.meters;
+  w->noise = view.noise;
   w->range = static_cast<int8_t>(view.range);
   if (!view.environment.is_named()) return w;
   w->environment = std::make_unique<wire::EnvironmentT>();

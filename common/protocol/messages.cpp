@@ -87,6 +87,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.sky.turbidity = w.turbidity();
   view.range = w.range();
   view.meters = w.meters();
+  view.noise = w.noise();
   QUARRY_TRY(ReadEnvironment(w.environment(), view.environment));
   return ReadSection(w.section(), view.section);
 }

@@ -8,9 +8,14 @@ namespace quarry {
 
 std::string Describe(const RenderJob& job) {
   const auto plural = [](size_t n) { return n == 1 ? "" : "s"; };
-  return fmt::format("{} frame{} of {}x{}, {}, {} sample{} a pixel, {}", job.cameras.size(),
-                     plural(job.cameras.size()), job.view.width, job.view.height, InfoOf(job.view.mode).name,
-                     job.view.spp, plural(job.view.spp), job.format.name);
+  return fmt::format("{} frame{} of {}x{}, {}, {}, {}", job.cameras.size(), plural(job.cameras.size()),
+                     job.view.width, job.view.height, InfoOf(job.view.mode).name, DescribeSamples(job.view),
+                     job.format.name);
+}
+
+std::string DescribeSamples(const View& view) {
+  if (view.noise > 0) return fmt::format("up to {} samples a pixel, to a noise of {}", view.spp, view.noise);
+  return fmt::format("{} sample{} a pixel", view.spp, view.spp == 1 ? "" : "s");
 }
 
 View FrameView(const RenderJob& job, size_t frame) {

@@ -39,6 +39,8 @@ View FrameView(const RenderJob& job, size_t frame = 0);
 
 /// "60 frames of 1024x768, whitted, 4 samples a pixel, png": for logs.
 std::string Describe(const RenderJob& job);
+/// "4 samples a pixel", or "up to 4096 samples a pixel, to a noise of 0.05".
+std::string DescribeSamples(const View& view);
 
 /// Checks a job, fills in the crop of a whole image and makes the directions of suns unit vectors.
 /// Errors (usage): a size, count, direction or mode out of range.

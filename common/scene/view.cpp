@@ -90,6 +90,10 @@ Status NormalizeView(View& view) {
   if (static_cast<uint8_t>(view.mode) >= kRenderModes) return BadUsage("the mode is unknown");
   if (view.spp == 0 || view.spp > kMaxSpp)
     return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
+  if (view.noise != 0 && !(view.noise >= kLeastNoise && view.noise <= kMostNoise))
+    return BadUsage(fmt::format("--noise must lie between {} and {}", kLeastNoise, kMostNoise));
+  if (view.has(Aov::kNoise) && view.spp < 2)
+    return BadUsage("the layer noise needs at least 2 samples a pixel; give --spp");
   if (view.up_axis > 2) return BadUsage("the up axis is unknown");
   if (view.ao_samples == 0 || view.ao_samples > kMaxAoSamples)
     return BadUsage(fmt::format("--ao-samples must lie between 1 and {}", kMaxAoSamples));

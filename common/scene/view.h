@@ -14,17 +14,30 @@
 namespace quarry {
 
 /// Layers of an image beside the colour, in the order of their words in a pixel.
-enum class Aov : uint8_t { kDepth, kNormal, kUv, kPrimitive, kMaterial, kPart, kVoxel, kAlbedo };
-inline constexpr int kAovs = 8;
+/// Workers leave kNoise and kSamples empty: who puts the samples together fills them in.
+enum class Aov : uint8_t {
+  kDepth,
+  kNormal,
+  kUv,
+  kPrimitive,
+  kMaterial,
+  kPart,
+  kVoxel,
+  kAlbedo,
+  kNoise,
+  kSamples
+};
+inline constexpr int kAovs = 10;
 /// A layer: its name, as for --aov, and the number of its 32-bit words.
 struct AovInfo {
   const char* name;
   int words;
   bool is_integer;
 };
-inline constexpr AovInfo kAovInfo[kAovs] = {{"depth", 1, false},    {"normal", 3, false},  {"uv", 2, false},
-                                            {"primitive", 1, true}, {"material", 1, true}, {"part", 1, true},
-                                            {"voxel", 1, true},     {"albedo", 3, false}};
+inline constexpr AovInfo kAovInfo[kAovs] = {
+    {"depth", 1, false},   {"normal", 3, false}, {"uv", 2, false},   {"primitive", 1, true},
+    {"material", 1, true}, {"part", 1, true},    {"voxel", 1, true}, {"albedo", 3, false},
+    {"noise", 1, false},   {"samples", 1, true}};
 
 /// A pinhole or orthographic camera. Units: positions, like the positions of lights, are the model's minus
 /// SceneMeta::offset, as in the store.
@@ -125,6 +138,10 @@ struct View {
   /// kPath: the picture is for an exposure. Light is left out that comes to the eye straight from suns and
   /// rectangles, or by mirrors and glass from these and from surfaces that shine.
   bool meters = false;
+  /// The error below which blocks of pixels end before they have `spp` samples, see NoiseBlocks; 0: all have
+  /// `spp` samples.
+  double noise = 0;
+  double metered_ev = 0;  ///< exposure by which NoiseBlocks judges dark blocks. Set by the master.
 
   bool has(Aov aov) const { return aov_mask >> static_cast<int>(aov) & 1; }
   bool operator==(const View&) const = default;
@@ -133,6 +150,10 @@ struct View {
 /// Limits of a view: pixels per side, samples per pixel, lights.
 inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
+/// Samples per pixel at most of a view that has a noise and names none.
+inline constexpr uint32_t kNoiseSpp = 4096;
+/// Limits of View::noise.
+inline constexpr double kLeastNoise = 1e-4, kMostNoise = 1;
 inline constexpr uint32_t kMaxAoSamples = 256;
 inline constexpr uint32_t kMaxLights = 1024;
 inline constexpr uint32_t kMaxBounces = 64;

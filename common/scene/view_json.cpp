@@ -106,6 +106,12 @@ Status ReadMode(const JsonValue& value, View& view) {
   return {};
 }
 
+Status ReadNoise(const JsonValue& value, double& noise) {
+  QUARRY_TRY(ReadNumber(value, noise));
+  if (noise >= kLeastNoise && noise <= kMostNoise) return {};
+  return value.Wrong(fmt::format("must lie between {} and {}", kLeastNoise, kMostNoise));
+}
+
 Status ReadLayers(const JsonValue& value, View& view) {
   QUARRY_ASSIGN(const std::vector<JsonValue> list, value.List());
   view.aov_mask = 0;
@@ -374,10 +380,10 @@ Status ReadLighting(const JsonValue& object, const glm::dvec3& offset, View& vie
 }
 
 Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription& into) {
-  QUARRY_TRY(json.HasOnly({"camera",  "size",    "crop",     "mode",       "spp",     "seed",
-                           "aov",     "up_axis", "ao",       "lights",     "ambient", "background",
-                           "bounces", "sky",     "exposure", "hide",       "only",    "colors",
-                           "section", "edges",   "tonemap",  "environment"}));
+  QUARRY_TRY(json.HasOnly({"camera",  "size",    "crop",     "mode",        "spp",     "seed",
+                           "aov",     "up_axis", "ao",       "lights",      "ambient", "background",
+                           "bounces", "sky",     "exposure", "hide",        "only",    "colors",
+                           "section", "edges",   "tonemap",  "environment", "noise"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
@@ -389,6 +395,8 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(ReadOptional(json, "size", ReadSize, view));
   QUARRY_TRY(ReadOptional(json, "crop", ReadCrop, view));
   QUARRY_TRY(ReadOptional(json, "mode", ReadMode, view));
+  QUARRY_TRY(ReadOptional(json, "noise", ReadNoise, view.noise));
+  if (view.noise > 0) view.spp = kNoiseSpp;
   QUARRY_TRY(ReadOptional(json, "spp", ReadWhole<uint32_t>, view.spp));
   QUARRY_TRY(ReadOptional(json, "seed", ReadWhole<uint64_t>, view.seed));
   QUARRY_TRY(ReadOptional(json, "aov", ReadLayers, view));
@@ -423,6 +431,7 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
     j["crop"] = {view.crop.x, view.crop.y, view.crop.width, view.crop.height};
   j["mode"] = InfoOf(view.mode).name;
   j["spp"] = view.spp;
+  if (view.noise > 0) j["noise"] = view.noise;
   j["seed"] = view.seed;
   for (int a = 0; a < kAovs; ++a)
     if (view.has(static_cast<Aov>(a))) j["aov"].push_back(kAovInfo[a].name);

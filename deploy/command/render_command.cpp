@@ -132,14 +132,31 @@ RunTimes TimesOf(const nlohmann::ordered_json& frames, double wall_s, double sta
   return t;
 }
 
+/// The noise of the frames, and how many samples it took. Empty: frames from a spool do not tell.
+std::string NoiseReached(const nlohmann::ordered_json& frames) {
+  double samples = 0, noise = 0;
+  size_t known = 0;
+  for (const auto& frame : frames) {
+    const auto has = [&](const char* key) { return frame.contains(key) && frame[key].is_number(); };
+    if (!frame.is_object() || !has("noise") || !has("mean_samples")) continue;
+    ++known;
+    samples += frame["mean_samples"].get<double>();
+    noise = std::max(noise, frame["noise"].get<double>());
+  }
+  if (known == 0) return {};
+  return fmt::format(" (reached: {:.2g}, with {:.0f} samples a pixel on the mean)", noise,
+                     samples / static_cast<double>(known));
+}
+
 /// The text that the user sees at the end: facts about the picture and about the run.
 std::string Summary(const RenderArguments& a, const RenderJob& job, const nlohmann::ordered_json& frames,
                     const RunTimes& t) {
   const View& view = job.view;
   std::string text = FramePath(a, job.first_frame);
   if (job.cameras.size() > 1) text += fmt::format(" and {} more", job.cameras.size() - 1);
-  text += fmt::format(": {}x{}, {}, {} sample{} a pixel", view.crop.width, view.crop.height,
-                      InfoOf(view.mode).name, view.spp, view.spp == 1 ? "" : "s");
+  text += fmt::format(": {}x{}, {}, {}", view.crop.width, view.crop.height, InfoOf(view.mode).name,
+                      DescribeSamples(view));
+  if (view.noise > 0) text += NoiseReached(frames);
   for (const auto& frame : frames)
     if (job.format.name == "png" && frame.is_object() && frame.contains("exposure_ev") &&
         frame["exposure_ev"].is_number()) {
@@ -179,6 +196,7 @@ Status WriteStatistics(const RenderArguments& a, const RenderJob& job, const Sce
   j["width"] = job.view.width;
   j["height"] = job.view.height;
   j["spp"] = job.view.spp;
+  if (job.view.noise > 0) j["noise"] = job.view.noise;
   j["seed"] = job.view.seed;
   if (InfoOf(job.view.mode).uses_lights) j["lights"] = NamesOfLights(job.view);
   j["frames_rendered"] = frames.size();

@@ -56,6 +56,10 @@ std::string DefaultSamples() {
 void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--mode", a.mode, Listed(RenderModeNames(), "or"))->capture_default_str();
   c.add_option("--spp", a.spp, DefaultSamples())->check(WholeNumber(1, kMaxSpp));
+  c.add_option("--noise", a.noise,
+               "Parts of the picture end once their noise is below this share of their brightness; --spp is "
+               "then the limit (default: 4096)")
+      ->check(RealNumber(kLeastNoise, kMostNoise));
   c.add_option("--seed", a.seed, "Seed of the sample pattern")
       ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
       ->capture_default_str();

@@ -54,8 +54,10 @@ Status ParseAovs(const std::string& text, View& view) {
     for (int a = 0; a < kAovs; ++a)
       if (name == kAovInfo[a].name) found = a;
     if (found < 0)
-      return BadUsage(fmt::format(
-          "--aov knows depth, normal, uv, primitive, material, part, voxel and albedo, not '{}'", name));
+      return BadUsage(
+          fmt::format("--aov knows depth, normal, uv, primitive, material, part, voxel, albedo, noise and "
+                      "samples, not '{}'",
+                      name));
     view.aov_mask |= 1u << found;
   }
   return {};
@@ -122,6 +124,10 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   }
   if (!a.has_view_file() || Typed(a, "--mode")) QUARRY_TRY(ParseMode(a.mode, view));
   if (!a.has_view_file()) view.spp = InfoOf(view.mode).default_spp;
+  if (Typed(a, "--noise")) {
+    view.noise = a.noise;
+    view.spp = kNoiseSpp;
+  }
   if (Typed(a, "--spp")) view.spp = a.spp;
   if (Typed(a, "--seed")) view.seed = a.seed;
   if (Typed(a, "--ao-samples")) view.ao_samples = a.ao_samples;

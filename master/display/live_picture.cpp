@@ -9,13 +9,19 @@
 
 namespace quarry {
 
-void LivePicture::Open(uint32_t width, uint32_t height) {
-  width_ = width;
-  height_ = height;
+void LivePicture::Open(const View& view) {
+  width_ = view.width;
+  height_ = view.height;
+  spp_ = view.spp;
+  noise_.emplace(view);
+  open_ = {view.crop};
+  open_pixels_ = pixels();
+  first_samples_ = 0;
   if (codes_.capacity() > 2 * pixels()) {  // a window that was large before holds no memory
     codes_ = {};
     sums_ = {};
     coverage_ = {};
+    first_sums_ = {};
     spare_ = {};
   }
   codes_.assign(pixels(), kUntraced);
@@ -23,7 +29,7 @@ void LivePicture::Open(uint32_t width, uint32_t height) {
   coverage_.clear();
   traced_ = waiting_ = summed_ = 0;
   samples_ = 0;
-  news_.assign((height + kBandRows - 1) / kBandRows, false);
+  news_.assign((height_ + kBandRows - 1) / kBandRows, false);
   any_news_ = false;
 }
 
@@ -79,17 +85,37 @@ void LivePicture::PutSums(const Tile& tile, std::span<const std::byte> pixels) {
     }
   Note(tile);
   summed_ += uint64_t{tile.columns()} * tile.rows();
-  if (summed_ < this->pixels()) return;
+  if (summed_ < open_pixels_) return;
   summed_ = 0;
+  const bool stops = samples == noise_->StopAfter(samples_);
   samples_ = samples;
+  if (stops) PassStop();
+}
+
+/// Measures the noise, and ends blocks where it is low.
+void LivePicture::PassStop() {
+  const PixelRect all{0, 0, width_, height_};
+  if (first_samples_ > 0 || samples_ == spp_)
+    noise_->Measure(all, {first_samples_, first_sums_.data(), samples_, sums_.data()});
+  first_sums_ = sums_;
+  first_samples_ = samples_;
+  if (noise_->MayEnd(samples_)) noise_->End(all, samples_);
+  if (samples_ == spp_)
+    open_.clear();
+  else
+    open_ = noise_->AllOpen();
+  open_pixels_ = 0;
+  for (const PixelRect& area : open_) open_pixels_ += uint64_t{area.width} * area.height;
 }
 
 std::vector<uint32_t> LivePicture::Means(int range) const {
   std::vector<uint32_t> words;
   words.reserve(sums_.size());
-  const MeanColor mean(samples_, range);
-  for (size_t i = 0; i < sums_.size(); i += kColorWords)
-    for (const float channel : mean(&sums_[i])) words.push_back(std::bit_cast<uint32_t>(channel));
+  const FixedRadiance* sum = sums_.data();
+  for (uint32_t y = 0; y < height_; ++y)
+    for (uint32_t x = 0; x < width_; ++x, sum += kColorWords)
+      for (const float channel : MeanColor(noise_->samples(x, y), range)(sum))
+        words.push_back(std::bit_cast<uint32_t>(channel));
   return words;
 }
 

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "common/math/fixed_radiance.h"
 #include "common/scene/tile.h"
+#include "master/pictures/noise_blocks.h"
 
 namespace quarry {
 
@@ -26,18 +28,21 @@ struct PictureRows {
 class LivePicture {
  public:
   /// Bytes that a pixel takes here, with sums and two copies of rows.
-  static constexpr uint64_t kPixelBytes = 3 * (sizeof(uint32_t) + 1) + kColorWords * sizeof(FixedRadiance);
+  static constexpr uint64_t kPixelBytes =
+      3 * (sizeof(uint32_t) + 1) + 2 * kColorWords * sizeof(FixedRadiance);
   /// Number of rows that are sent together: a multiple of a JPEG's blocks.
   static constexpr uint32_t kBandRows = 32;
 
-  /// Begins an empty picture, in the memory of the last one unless that is much larger.
-  void Open(uint32_t width, uint32_t height);
+  /// Begins an empty picture of a view, in the memory of the last one unless that is much larger. Requires:
+  /// the view is of a whole image.
+  void Open(const View& view);
 
   /// Takes pixels of kShown, unless there are sums. Requires: the tile lies in the picture, as `pixels` has
   /// its bytes.
   void PutShown(const Tile& tile, std::span<const std::byte> pixels);
   /// Adds sums of kSums, which are shown from then on. Requires: as PutShown; ranges of samples come in order
-  /// and without gaps, each for all pixels before the next.
+  /// and without gaps, each for all of open() before the next, and none goes beyond StopAfter(samples());
+  /// from the second stop on the exposure is set.
   void PutSums(const Tile& tile, std::span<const std::byte> pixels);
 
   uint32_t width() const { return width_; }
@@ -46,10 +51,20 @@ class LivePicture {
   /// Pixels that have a colour; pixels whose rays wait.
   uint64_t traced() const { return traced_; }
   uint64_t waiting() const { return waiting_; }
-  /// The number of samples in every pixel's sum.
+  /// The number of samples in the sums of all pixels that go on.
   uint32_t samples() const { return samples_; }
-  /// The colour as float32 means of samples() samples, as EncodeImage() takes them. `range`: the view's.
-  /// Requires: samples() > 0, and no pixel has more.
+  /// The rectangles of pixels that go on. A picture has all its samples when there are none.
+  const std::vector<PixelRect>& open() const { return open_; }
+  /// The number of samples after which the noise is measured next. Requires: open() is not empty.
+  uint32_t StopAfter(uint32_t samples) const { return noise_->StopAfter(samples); }
+  /// As NoiseBlocks::SetExposure().
+  void SetExposure(double ev) { noise_->SetExposure(ev); }
+  /// Whether the next stop needs SetExposure().
+  bool needs_exposure() const { return first_samples_ > 0; }
+  /// The noise of the picture's noisiest block; 0: not measured yet.
+  float noise() const { return noise_ ? noise_->largest_error() : 0; }
+  /// The colour as float32 means of all samples, as EncodeImage() takes them. `range`: the view's.
+  /// Requires: open() is empty.
   std::vector<uint32_t> Means(int range) const;
   /// Codes of all pixels, row by row.
   const std::vector<uint32_t>& codes() const { return codes_; }
@@ -68,6 +83,7 @@ class LivePicture {
  private:
   void Set(uint32_t x, uint32_t y, uint32_t code);
   void Note(const Tile& tile);
+  void PassStop();
 
   uint32_t width_ = 0, height_ = 0;
   std::vector<uint32_t> codes_;
@@ -75,7 +91,13 @@ class LivePicture {
   std::vector<uint8_t> coverage_;    ///< of the sums; empty before the first
   uint64_t traced_ = 0, waiting_ = 0;
   uint32_t samples_ = 0;
-  uint64_t summed_ = 0;                       ///< pixels that have the newest range
+  uint64_t summed_ = 0;  ///< pixels that have the newest range
+  uint32_t spp_ = 1;
+  std::optional<NoiseBlocks> noise_;       ///< none before Open()
+  std::vector<FixedRadiance> first_sums_;  ///< at the last stop
+  uint32_t first_samples_ = 0;
+  std::vector<PixelRect> open_;
+  uint64_t open_pixels_ = 0;
   std::vector<bool> news_;                    ///< by band
   std::vector<std::vector<uint32_t>> spare_;  ///< memory of rows
   bool any_news_ = false;

@@ -166,8 +166,8 @@ ViewPacer::Stage ViewPacer::Next(double now_s) const {
       return filled && rests ? Stage::kSamples : Stage::kFill;
     }
     case Stage::kSamples: {
-      const bool all = picture_.samples() == wanted_.view.spp && !exposure_.meter &&
-                       !dispatcher_.Wants(frame_, LiveUrgency::kRest);
+      const bool all =
+          picture_.open().empty() && !exposure_.meter && !dispatcher_.Wants(frame_, LiveUrgency::kRest);
       return all ? Stage::kExact : Stage::kSamples;
     }
     case Stage::kNone:
@@ -234,7 +234,7 @@ void ViewPacer::Begin(double now_s) {
   const View traced = TracedView();
   sums_ = traced == wanted_.view;
   frame_ = dispatcher_.Begin(viewer_, traced);
-  picture_.Open(wanted_.view.width, wanted_.view.height);
+  picture_.Open(wanted_.view);
   sent_.any = sent_.exact = false;
   begun_s_ = traced_s_ = now_s;
   Enter(Stage::kLattice, now_s);
@@ -307,24 +307,34 @@ void ViewPacer::Fill(double now_s) {
 }
 
 void ViewPacer::Meter() {
-  if (exposure_.meter || exposure_.own || wanted_.exposure || !InfoOf(wanted_.view.mode).metered) return;
+  const bool needed = !wanted_.exposure || wanted_.view.noise > 0;
+  if (exposure_.meter || exposure_.own || !needed || !InfoOf(wanted_.view.mode).metered) return;
   const View view = MeteredView(wanted_.view);
   exposure_.points.clear();
   exposure_.meter = dispatcher_.Begin(viewer_, view);
   dispatcher_.Trace(*exposure_.meter, MeteredTile(view), LiveUrgency::kAnswer);
 }
 
-/// One sample first, then three times as many as there are, unless that takes long: few ranges, and an early
-/// picture.
+/// One sample first, then three times as many as there are, unless that takes long or the noise is measured
+/// before: few ranges, and an early picture.
 void ViewPacer::TraceSamples() {
-  const uint32_t have = picture_.samples(), all = wanted_.view.spp;
-  if (have == all || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
-  Tile area{wanted_.view.crop};
+  const uint32_t have = picture_.samples();
+  if (picture_.open().empty() || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
+  if (picture_.needs_exposure()) {
+    if (exposure_.meter) return;  // Take() comes first
+    picture_.SetExposure(wanted_.view.noise > 0 ? exposure_.own.value_or(0) : ExposureNow());
+  }
+  uint64_t pixels = 0;
+  for (const PixelRect& open : picture_.open()) pixels += uint64_t{open.width} * open.height;
+  Tile area;
   area.first_sample = have;
-  area.samples =
-      std::min({std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_, picture_.pixels()), all - have});
+  area.samples = std::min(
+      {std::max(1u, 3 * have), dispatcher_.SamplesAtOnce(viewer_, pixels), picture_.StopAfter(have) - have});
   area.form = PixelForm::kSums;
-  dispatcher_.Trace(frame_, area, LiveUrgency::kRest);
+  for (const PixelRect& open : picture_.open()) {
+    area.pixels = open;
+    dispatcher_.Trace(frame_, area, LiveUrgency::kRest);
+  }
 }
 
 // --- Sending
@@ -353,6 +363,7 @@ std::optional<DueFrame> ViewPacer::MakeDue(double now_s) {
   due.traced = picture_.traced();
   due.waiting = picture_.waiting();
   due.samples = picture_.samples();
+  due.noise = picture_.noise();
   due.exposure = ExposureNow();
   due.queue_s = begun_s_ - came_s_;
   due.trace_s = traced_s_ - begun_s_;

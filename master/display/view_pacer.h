@@ -51,6 +51,7 @@ struct DueFrame {
       exact;               ///< all mean colours, in EncodeImage()'s form; empty unless the frame is exact
   bool in_motion = false;  ///< more follows soon
   std::vector<TracedBy> owners;
+  float noise = 0;  ///< of the noisiest block; 0: not measured yet
 };
 
 /// Decides which tiles of a viewer's views are traced and which frames are sent, so that the picture never

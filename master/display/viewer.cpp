@@ -60,6 +60,8 @@ ordered_json Header(const DueFrame& due, const EncodedFrame& encoded, uint64_t n
       {"waiting", due.waiting},
       {"samples", due.samples},
       {"spp", view.spp},
+      {"noise", due.noise},
+      {"noise_wanted", view.noise},
       {"exact", !due.exact.empty()},
       {"exposure", due.exposure},
       {"queue_ms", Rounded(due.queue_s * 1e3)},

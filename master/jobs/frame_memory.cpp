@@ -17,6 +17,12 @@ constexpr uint64_t kTileBytes = 1 << 10;
 constexpr uint64_t kFrameBytes = 1 << 20, kMostTraceBytes = 24 << 20;
 constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 
+/// Of sums of tiles that have a part of their samples. With noise, all tiles have sums, the last stop's too.
+uint64_t SumsBytes(const View& view, uint64_t tiles) {
+  if (NoiseBlocks::Needs(view)) return 2 * tiles * TileRanges::kSumBytes;
+  return view.spp == 1 ? 0 : std::min<uint64_t>(tiles, TileRanges::kMostBegun) * TileRanges::kSumBytes;
+}
+
 uint64_t Pixels(const View& view) { return uint64_t{view.crop.width} * view.crop.height; }
 
 }  // namespace
@@ -26,7 +32,7 @@ uint64_t FrameBytes(const View& view, const ImageFormat& format) {
                          ((view.crop.height + kTileSize - 1) / kTileSize);
   return Pixels(view) * 4 * WordsPerPixel(view.aov_mask) + 2 * EncodedBytes(view, format) +
          tiles * kTileBytes + std::min(tiles * kTraceBytesPerTile, kMostTraceBytes) + kFrameBytes +
-         (view.spp == 1 ? 0 : std::min<uint64_t>(tiles, TileRanges::kMostBegun) * TileRanges::kSumBytes);
+         SumsBytes(view, tiles);
 }
 
 uint64_t JobBytes(size_t frames) {

@@ -42,6 +42,7 @@ struct Job {
   bool tried = false;             ///< a frame of it has been begun by this master
   bool metering = false;          ///< its exposure has been asked for
   std::optional<double> ev;       ///< of its PNGs, once it is known
+  std::optional<double> metered;  ///< of its first view, if it has a noise, once it is known
   std::atomic<bool> over{false};  ///< set once; threads at work on the job look at it
 
   Job(std::string name, RenderJob render_job)

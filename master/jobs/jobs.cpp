@@ -125,11 +125,14 @@ std::optional<JobFrame> Jobs::Begin() {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
     if (!HasRoom(*job)) return std::nullopt;
+    const bool needs_grey = NoiseBlocks::Needs(job->job.view) && !job->metered;
+    if (needs_grey && (Meter(job), !job->metered)) continue;
     if (job->suspect && memory_.used() > 0) return std::nullopt;
     if (spool_ && !job->tried) spool_->NoteTry(job->id);
     job->tried = true;
     job->states[index] = Job::FrameState::kActive;
     JobFrame begun{job, index, FrameView(job->job, index), nullptr};
+    begun.view.metered_ev = job->metered.value_or(0);
     begun.memory = memory_.Take(FrameBytes(begun.view, job->job.format));
     if (job->suspect) suspect_ = begun.memory;
     Meter(job);
@@ -189,7 +192,7 @@ void Jobs::Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string stat
   ++encoding_;
   const std::shared_ptr<Job> job = frame.job;
   waiting_.push_back({std::move(frame), std::move(pixels), std::move(statistics)});
-  if (job->ev) Metered(job, *job->ev);
+  if (job->ev) EncodeWaiting(job);
 }
 
 void Jobs::Encode(Rendered rendered, double ev) {
@@ -214,22 +217,32 @@ void Jobs::Encode(Rendered rendered, double ev) {
   });
 }
 
-/// Sets the EV of the job's PNGs, or has it metered, once.
+/// Sets the EV of the job's PNGs, and that by which its noise is judged, or has them metered, once.
 void Jobs::Meter(const std::shared_ptr<Job>& job) {
   if (std::exchange(job->metering, true)) return;
   const ImageFormat& format = job->job.format;
-  const bool is_png = format.name == "png";
+  const bool is_png = format.name == "png", is_metered = InfoOf(job->job.view.mode).metered;
+  const bool has_noise = NoiseBlocks::Needs(job->job.view);
   if (is_png && format.exposure)
     job->ev = format.exposure;
-  else if (!is_png || !InfoOf(job->job.view.mode).metered)
+  else if (!is_png || !is_metered)
     job->ev = 0;
-  else
+  if (!is_metered) job->metered = 0;
+  if (is_metered && (!job->ev || has_noise))
     callbacks_.meter(*job, [this, job](double ev) { Metered(job, ev); });
 }
 
-/// Encodes the frames that have waited for their job's exposure.
-void Jobs::Metered(const std::shared_ptr<Job>& job, double ev) {
-  job->ev = ev;
+/// Encodes the frames that have waited for their job's exposure, and lets frames with a noise begin.
+void Jobs::Metered(const std::shared_ptr<Job>& job, double metered) {
+  job->metered = metered;
+  if (!job->ev) job->ev = metered;
+  EncodeWaiting(job);
+  if (NoiseBlocks::Needs(job->job.view)) callbacks_.on_work();
+}
+
+/// Encodes the job's frames that are rendered. Requires: its exposure is known.
+void Jobs::EncodeWaiting(const std::shared_ptr<Job>& job) {
+  const double ev = *job->ev;
   for (Rendered& rendered : std::exchange(waiting_, {}))
     if (rendered.frame.job == job)
       Encode(std::move(rendered), ev);
@@ -239,6 +252,8 @@ void Jobs::Metered(const std::shared_ptr<Job>& job, double ev) {
 }
 
 std::shared_ptr<Job> Jobs::AwaitsExposure(const std::string& id) const {
+  for (const auto& job : jobs_)
+    if (job->id == id && NoiseBlocks::Needs(job->job.view) && !job->metered) return job;
   for (const Rendered& rendered : waiting_)
     if (rendered.frame.job->id == id) return rendered.frame.job;
   return nullptr;

@@ -70,7 +70,7 @@ class Jobs {
   std::vector<JobFrame> Upcoming(size_t most) const;
   /// Takes a frame's pixels, to be encoded and delivered.
   void Finish(JobFrame frame, std::vector<uint32_t> pixels, std::string statistics);
-  /// The job of this id, if it has pixels that wait for its exposure; else null.
+  /// The job of this id, if pixels or frames of it wait for its exposure; else null.
   std::shared_ptr<Job> AwaitsExposure(const std::string& id) const;
   /// Ends a job that cannot be done, and informs its clients.
   void Fail(std::shared_ptr<Job> job, const std::string& sentence);
@@ -100,7 +100,8 @@ class Jobs {
   bool HasRoom(const Job& job);
   bool DropLastImage();
   void Meter(const std::shared_ptr<Job>& job);
-  void Metered(const std::shared_ptr<Job>& job, double ev);
+  void Metered(const std::shared_ptr<Job>& job, double metered);
+  void EncodeWaiting(const std::shared_ptr<Job>& job);
   uint64_t JobsBytes() const;
   uint64_t QueuedBytes() const;
   bool MaySend(uint64_t image_bytes) const;

@@ -42,11 +42,15 @@ std::string FrameStatistics(const ActiveFrame& frame, const FrameTimes& times,
   j["frame"] = times.number;
   j["frame_wall_s"] = times.end_s - times.start_s;
   j["frame_start_s"] = times.start_s;
-  j["first_tile_s"] = frame.first_tile_s() - times.start_s;
+  j["first_tile_s"] = frame.counts().first_tile_s - times.start_s;
   j["tiles"] = frame.image().tiles().size();
   j["rays"] = frame.counts().rays;
   j["rays_suspended"] = frame.counts().rays_suspended;
   j["leases_lost"] = frame.counts().leases_lost;
+  if (const NoiseBlocks* noise = frame.noise()) {
+    j["noise"] = noise->largest_error();
+    j["mean_samples"] = noise->mean_samples();
+  }
   j["saturated_terms"] = frame.counts().saturated;
   j["nan_terms"] = frame.counts().not_numbers;
   j["long_light_rays"] = frame.counts().long_light_rays;

@@ -10,9 +10,6 @@
 namespace quarry {
 namespace {
 
-/// Linear value of the logarithmic mean of exposed surfaces: a light grey, since a picture of a model should
-/// show its shape rather than a mood.
-constexpr double kKey = 0.3;
 /// EV above white of bright points that film's curve still shows well.
 constexpr double kFilmWhite = 3;
 /// Of so many points one may be clipped.
@@ -79,7 +76,7 @@ double ExposureFor(std::span<const MeteredPoint> points, int range, ToneCurve to
       largest.begin() + static_cast<std::ptrdiff_t>(largest.size() - 1 - largest.size() / kClippedOf);
   std::ranges::nth_element(largest, bright);
   const double headroom = tone == ToneCurve::kFilm ? kFilmWhite : 0;
-  const double ev = std::min(Log2(kKey) - sum / static_cast<double>(logarithms.size()),
+  const double ev = std::min(Log2(kMeteredGrey) - sum / static_cast<double>(logarithms.size()),
                              headroom - Log2(std::max(static_cast<double>(*bright), least)));
   return std::clamp(std::floor(ev * 64) / 64, -16.0 + range, 16.0 + range);
 }

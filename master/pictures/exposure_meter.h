@@ -10,6 +10,10 @@
 
 namespace quarry {
 
+/// Linear value of the logarithmic mean of exposed surfaces: a light grey, since a picture of a model should
+/// show its shape rather than a mood.
+inline constexpr double kMeteredGrey = 0.3;
+
 /// A point of a picture as an exposure meter sees it.
 struct MeteredPoint {
   float luminance = 0;   ///< of its radiance, by the weights of sRGB's primaries

@@ -103,7 +103,8 @@ std::vector<std::pair<std::string, std::string>> TextsOf(const View& view, const
                              c.ortho_height > 0 ? fmt::format("ortho {}", c.ortho_height)
                                                 : fmt::format("fov {}", c.fov_degrees))},
       {"Mode", InfoOf(view.mode).name},
-      {"Samples", fmt::format("{} a pixel", view.spp)}};
+      {"Samples", view.noise > 0 ? fmt::format("up to {} a pixel, to a noise of {}", view.spp, view.noise)
+                                 : fmt::format("{} a pixel", view.spp)}};
   if (ev) texts.emplace_back("Exposure", fmt::format("{} EV", *ev));
   return texts;
 }
@@ -179,7 +180,8 @@ std::vector<Channel> ChannelsOf(const View& view) {
       {{"depth.Z", "Z"}},   {{"normal.X", "N.X"}, {"normal.Y", "N.Y"}, {"normal.Z", "N.Z"}},
       {{"uv.U"}, {"uv.V"}}, {{"primitive.id"}},
       {{"material.id"}},    {{"part.id"}},
-      {{"voxel.id"}},       {{"albedo.R"}, {"albedo.G"}, {"albedo.B"}}};
+      {{"voxel.id"}},       {{"albedo.R"}, {"albedo.G"}, {"albedo.B"}},
+      {{"noise.E"}},        {{"samples.n"}}};
   std::vector<Channel> channels{
       {"R", Imf::FLOAT, 0}, {"G", Imf::FLOAT, 1}, {"B", Imf::FLOAT, 2}, {"A", Imf::FLOAT, 3}};
   size_t word = kColorWords;

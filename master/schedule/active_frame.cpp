@@ -16,11 +16,12 @@ double GuessedSample(const View& view) {
   return InfoOf(view.mode).sample_s * rays * kTileSamples;
 }
 
-/// Adds the depths and, `with_blocks`, the blocks of a result to its tile's footprint. Returns how many
-/// blocks are new.
-size_t AddResult(const TileDone& done, bool with_blocks, TileFootprint& trace) {
-  trace.depths.resize(done.depths.size(), 0);
-  for (size_t i = 0; i < done.depths.size(); ++i) trace.depths[i] = std::max(trace.depths[i], done.depths[i]);
+/// Adds the depths, if the result is `of_all` pixels, and, `with_blocks`, the blocks of a result to its
+/// tile's footprint. Returns how many blocks are new.
+size_t AddResult(const TileDone& done, bool of_all, bool with_blocks, TileFootprint& trace) {
+  if (of_all) trace.depths.resize(done.depths.size(), 0);
+  for (size_t i = 0; of_all && i < done.depths.size(); ++i)
+    trace.depths[i] = std::max(trace.depths[i], done.depths[i]);
   if (!with_blocks) return 0;
   const size_t before = trace.blocks.size();
   std::vector<uint32_t> all;
@@ -147,6 +148,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
     s.tiles[t].begun = ranges_.begun(static_cast<uint32_t>(t));
     s.tiles[t].owner = s.tiles[t].begun && owners_[t] != kNoWorker ? owners_[t] : plan_[t];
     s.tiles[t].cost_s = CostOf(t);
+    s.tiles[t].waits = ranges_.waits(static_cast<uint32_t>(t));
   }
   leases_.ForEach([&](uint32_t tile, const TileLease& lease) {
     if (!IsOver(tile, lease)) s.tiles[tile].held = true;
@@ -156,7 +158,7 @@ Snapshot ActiveFrame::MakeSnapshot(std::vector<WorkerView> workers, double now_s
 }
 
 TileOrder ActiveFrame::Lease(const Assignment& a, double now_s) {
-  const Tile next = ranges_.Next(a.tile, image_.tiles()[a.tile], SampleCost(a.tile));
+  const Tile next = ranges_.Next(a.tile, SampleCost(a.tile));
   return {id_, a.tile, leases_.Give(a.tile, a.worker, now_s, next), next, {}, {}};
 }
 
@@ -164,21 +166,23 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   if (done.frame != id_) return false;
   const auto lease = leases_.End(done.tile, done.lease);
   if (!lease || IsOver(done.tile, *lease)) return false;
-  const PixelRect& tile = image_.tiles()[done.tile];
-  if (done.depths.size() != size_t{DepthCells(tile.width)} * DepthCells(tile.height))
+  const PixelRect& area = lease->area.pixels;
+  if (done.depths.size() != size_t{DepthCells(area.width)} * DepthCells(area.height))
     return Fail("a tile has another number of depths than of cells");
-  bool all = true;
+  const auto complete = [&](uint32_t tile, std::span<const std::byte> all) -> Status {
+    QUARRY_TRY(image_.Put(tile, all));
+    tile_done_[tile] = true;
+    traces_[tile].known = true;
+    if (tiles_done_++ == 0) counts_.first_tile_s = now_s;
+    return {};
+  };
   if (lease->area.form == PixelForm::kSums) {
-    QUARRY_ASSIGN(all, ranges_.Add(done.tile, lease->area, pixels, leases_.next()));
-    if (all) QUARRY_TRY(image_.Put(done.tile, ranges_.Take(done.tile)));
+    QUARRY_ASSIGN(const auto tiles, ranges_.Add(done.tile, lease->area, pixels, leases_.next()));
+    for (const uint32_t tile : tiles) QUARRY_TRY(complete(tile, ranges_.Take(tile)));
   } else {
-    QUARRY_TRY(image_.Put(done.tile, pixels));
+    QUARRY_TRY(complete(done.tile, pixels));
   }
   owners_[done.tile] = lease->worker;
-  if (all) {
-    tile_done_[done.tile] = true;
-    if (tiles_done_++ == 0) first_tile_s_ = now_s;
-  }
   ++results_;
   result_time_s_ += now_s - lease->since_s;
   counts_.rays += done.rays;
@@ -191,8 +195,7 @@ Result<bool> ActiveFrame::Finish(const TileDone& done, std::span<const std::byte
   counts_.computed_s += cost_s;
   TileFootprint& trace = traces_[done.tile];
   trace.cost_s += cost_s;
-  traced_ += AddResult(done, traced_ < kMostTraced, trace);
-  trace.known = all;
+  traced_ += AddResult(done, area == image_.tiles()[done.tile], traced_ < kMostTraced, trace);
   return true;
 }
 

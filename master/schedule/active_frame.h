@@ -34,6 +34,7 @@ struct FrameCounts {
   uint64_t saturated = 0, not_numbers = 0, long_light_rays = 0;  ///< see FilmFaults
   /// Computing of all results. Of each at most the time since its lease, whatever the worker reports.
   double computed_s = 0;
+  double first_tile_s = 0;  ///< when the first tile was done
 };
 
 /// A frame under way: its plan, its leases, the footprints of its tiles, and its pixels.
@@ -46,11 +47,11 @@ class ActiveFrame {
   FrameId id() const { return id_; }
   const View& view() const { return view_; }
   const FrameImage& image() const { return image_; }
+  /// The noise of its blocks; null where nobody asks for it.
+  const NoiseBlocks* noise() const { return ranges_.noise(); }
   /// Moves the pixels out; footprints for the next frame's plan stay. Requires: done().
   std::vector<uint32_t> TakePixels() { return image_.TakePixels(); }
   uint32_t tiles_done() const { return tiles_done_; }
-  /// When the first tile was done. Requires: tiles_done() > 0.
-  double first_tile_s() const { return first_tile_s_; }
   bool done() const { return tiles_done_ == image_.tiles().size(); }
   const FrameCounts& counts() const { return counts_; }
   /// As Leases::GiveBack().
@@ -81,9 +82,10 @@ class ActiveFrame {
   bool planned_once(size_t workers) const { return large() || tile_done_.size() * workers > kMostReplanned; }
 
   // Leases.
-  /// Tiles not done and not leased. Fewer where two workers hold one tile.
+  /// Tiles not done, not leased, and not waiting for others. Fewer where two workers hold one tile.
   size_t open_tiles() const {
-    return tile_done_.size() - std::min<size_t>(tile_done_.size(), tiles_done_ + leases_.size());
+    return tile_done_.size() -
+           std::min<size_t>(tile_done_.size(), tiles_done_ + ranges_.waiting() + leases_.size());
   }
   /// The input of Schedule(). Valid until a lease is given or ends.
   Snapshot MakeSnapshot(std::vector<WorkerView> workers, double now_s) const;
@@ -131,9 +133,8 @@ class ActiveFrame {
   std::shared_ptr<const ProbedFrame> coarse_;
   bool has_news_ = false;  ///< coarse_ has come since the last prediction
   std::vector<bool> tile_done_;
-  TileRanges ranges_{view_};
+  TileRanges ranges_{view_, image_.tiles()};
   Leases leases_;  ///< of tiles done, too, until their holders answer
-  double first_tile_s_ = 0;
   uint32_t tiles_done_ = 0;
   uint32_t results_ = 0;
   double result_time_s_ = 0;  ///< from lease to result, summed over results

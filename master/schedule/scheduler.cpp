@@ -31,7 +31,7 @@ std::vector<std::deque<uint32_t>> Belongings(const Snapshot& s) {
   for (size_t w = 0; w < s.workers.size(); ++w) index[s.workers[w].id] = w;
   for (uint32_t t = 0; t < s.tiles.size(); ++t) {
     const TileView& tile = s.tiles[t];
-    if (tile.done || tile.held) continue;
+    if (tile.done || tile.held || tile.waits) continue;
     const auto owner = index.find(tile.owner);
     auto& its = own[owner != index.end() ? owner->second : t * s.workers.size() / s.tiles.size()];
     if (tile.begun)
@@ -124,7 +124,7 @@ std::vector<uint32_t> LateTiles(const Snapshot& s) {
         const auto it = answers.find(worker);
         return it == answers.end() || it->second;
       });
-  std::erase_if(late, [&](uint32_t tile) { return s.tiles[tile].done; });
+  std::erase_if(late, [&](uint32_t tile) { return s.tiles[tile].done || s.tiles[tile].waits; });
   return late;
 }
 

@@ -79,6 +79,7 @@ struct TileView {
   bool done = false;
   bool held = false;           ///< under a lease
   bool begun = false;          ///< some of its samples are there: it goes first
+  bool waits = false;          ///< for samples of other tiles
   uint32_t owner = kNoWorker;  ///< as planned
   double cost_s = 0;           ///< computing expected
 };

@@ -86,6 +86,8 @@ void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& 
   put(Aov::kVoxel,
       is_hit && view.has(Aov::kVoxel) ? LocateVoxel(context.catalog.top_tree(), ray, hit.t) : kNone);
   put(Aov::kAlbedo, albedo.x, albedo.y, albedo.z);
+  put(Aov::kNoise, 0.0f);
+  put(Aov::kSamples, 0u);
 }
 
 void TileFilm::Take(const ViewContext& view, RenderedTile& result) {

@@ -7,7 +7,7 @@ export function quoted(text) {
 
 /// The members of a view that options can express. If any other member differs from the default, the command has the
 /// whole view in a file.
-const EXPRESSIBLE = ['camera', 'size', 'mode', 'spp', 'exposure', 'tonemap'];
+const EXPRESSIBLE = ['camera', 'size', 'mode', 'spp', 'noise', 'exposure', 'tonemap'];
 
 /// `scene.store`: the scene's place for the master. `defaults`: the server's default view. `view`: with all members.
 /// `output`: the picture's name, with ".png". Returns one line for a shell.
@@ -22,7 +22,7 @@ export function command(scene, defaults, view, output) {
   }
   const { camera } = view;
   const options = {
-    size: view.size.join('x'), mode: view.mode, spp: view.spp, eye: camera.eye, at: camera.at, up: camera.up, fov: camera.fov, ortho: camera.ortho,
+    size: view.size.join('x'), mode: view.mode, spp: view.spp, noise: view.noise, eye: camera.eye, at: camera.at, up: camera.up, fov: camera.fov, ortho: camera.ortho,
     exposure: view.exposure, tonemap: view.tonemap,
   };
   const words = Object.entries(options).filter(([, value]) => value !== undefined).map(([name, value]) => `--${name}=${value}`);

@@ -29,16 +29,21 @@ export function parseFrame(buffer) {
   return { header, images };
 }
 
+/// A share as a percentage, with two digits.
+export const percent = (share) => `${Number((share * 100).toPrecision(2))} %`;
 const count = (n, one, many) => `${n.toLocaleString('en')} ${n === 1 ? one : many}`;
+
+/// The noise that the picture has reached, in words, if it is to be shown.
+function noiseOf({ noise, noise_wanted: wanted }) { return noise > 0 && wanted > 0 ? [`noise ${percent(noise)}, wanted ${percent(wanted)}`] : []; }
 
 /// A frame's state, in words for people; `isNewest`: it shows the view that was sent last; `isMoving`: more follow.
 /// Returns {text, kind}; kind is 'exact', 'refining' or 'moving'.
 export function describe(header, isNewest, isMoving) {
-  if (header.exact) return isNewest ? { text: 'exact', kind: 'exact' } : { text: 'the new view is being rendered', kind: 'moving' };
+  if (header.exact) return isNewest ? { text: ['exact', ...noiseOf(header)].join(' · '), kind: 'exact' } : { text: 'the new view is being rendered', kind: 'moving' };
   const parts = [];
   if (isMoving) parts.push('in motion');
   else if (header.traced < 1) parts.push(`getting sharper: ${Math.floor(header.traced * 100)} %`);
-  else parts.push(`getting smoother: ${header.samples} of ${count(header.spp, 'sample', 'samples')}`);
+  else parts.push(`getting smoother: ${header.samples} of ${count(header.spp, 'sample', 'samples')}`, ...noiseOf(header));
   if (header.waiting > 0) parts.push('data is loading');
   return { text: parts.join(' · '), kind: header.traced < 1 ? 'moving' : 'refining' };
 }

@@ -3,10 +3,13 @@
 import { isOrthographic } from './camera.js';
 import { hexToRadiance, radianceToHex } from './colours.js';
 import { element, shown } from './formats.js';
+import { percent } from './frame.js';
 import { environmentOf, skyOf } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const SAMPLES = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+/// Wishes for the noise, and the limit of samples that goes with one.
+const NOISES = [0.2, 0.1, 0.05, 0.02, 0.01], NOISE_SPP = 4096;
 /// A slider counts as moving this long after its last step.
 const SLIDER_MS = 200;
 /// Controls of settings: id, name, how to read it, how to write its value out.
@@ -71,6 +74,11 @@ export class Panel {
   bindPicture() {
     $('mode').addEventListener('change', ({ target }) => this.live.change({ mode: target.value }));
     $('spp').addEventListener('change', ({ target }) => this.live.change({ spp: Number(target.value) }));
+    $('noise').addEventListener('change', ({ target }) => {
+      const noise = Number(target.value) || undefined, { view } = this.live;
+      if (!view.noise) this.plainSpp = view.spp;
+      this.live.change({ noise, spp: noise ? Math.max(view.spp, NOISE_SPP) : this.plainSpp ?? Math.min(view.spp, SAMPLES.at(-1)) });
+    });
     $('sky').addEventListener('change', ({ target }) => {
       const environment = target.value ? environmentOf({ ...this.live.view.environment, name: target.value }) : undefined;
       this.live.change({ environment, sky: undefined });
@@ -135,7 +143,7 @@ export class Panel {
     this.showSlider('speed', Math.log2(this.flight.factor), `× ${Number(this.flight.factor.toPrecision(2))}`);
     $('mode').value = view.mode;
     $('edges').checked = Boolean(view.edges);
-    this.refreshSamples(view.spp);
+    this.refreshSamples(view);
     this.refreshSky(view);
     this.share.refresh();
     this.refreshPicture();
@@ -157,7 +165,11 @@ export class Panel {
     this.showSlider('sky-strength', Math.log2(strength), `× ${Number(strength.toPrecision(2))}`);
   }
 
-  refreshSamples(spp) {
+  refreshSamples({ spp, noise }) {
+    const noises = [...new Set([...NOISES, noise])].filter(Number.isFinite).sort((a, b) => b - a);
+    $('noise').replaceChildren(element('option', { value: '' }, 'By the samples'), ...noises.map((n) => element('option', { value: String(n) }, `Below ${percent(n)}`)));
+    $('noise').value = noise ? String(noise) : '';
+    $('spp-name').textContent = noise ? 'Samples a pixel at most' : 'Samples a pixel';
     const counts = [...new Set([...SAMPLES, spp])].filter(Number.isFinite).sort((a, b) => a - b);
     if ($('spp').children.length !== counts.length) {
       $('spp').replaceChildren(...counts.map((n) => element('option', { value: String(n) }, String(n))));

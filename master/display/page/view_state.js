@@ -2,7 +2,7 @@
 //
 // In the page a view's camera always has `fov`, and also `ortho` while it is orthographic. In messages it has one of
 // them. A fragment names the members that differ from the default:
-// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&ev=-1&tone=film&bg=0,0,0&axis=y&edges=yes
+// #eye=1,2,3&at=0,0,0&up=0,0,1&fov=60&ortho=4&mode=voxels&spp=16&noise=0.05&ev=-1&tone=film&bg=0,0,0&axis=y&edges=yes
 // The members "hide", "only", "colors", "section" and "environment" stand there as JSON.
 
 import { cross, distance, length, subtract } from './vectors.js';
@@ -13,12 +13,12 @@ import { partsOf } from './parts/shown_parts.js';
 const DEFAULT_FOV = 45;
 /// Members by which a view looks inside the model.
 export const INSIDE = ['hide', 'only', 'colors', 'section'];
-const MOST_TURN = 3600, MOST_STRENGTH = 1e6, MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100;
+const MOST_TURN = 3600, MOST_STRENGTH = 1e6, MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100, LEAST_NOISE = 1e-4;
 
 /// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
 /// uses its own values for missing members, and a scene's lights could be longer than a message.
-export function ownMembers({ mode, spp, exposure, tonemap, background, up_axis, edges }) {
-  return Object.fromEntries(Object.entries({ mode, spp, exposure, tonemap, background, up_axis, edges }).filter(([, value]) => value !== undefined));
+export function ownMembers({ mode, spp, noise, exposure, tonemap, background, up_axis, edges }) {
+  return Object.fromEntries(Object.entries({ mode, spp, noise, exposure, tonemap, background, up_axis, edges }).filter(([, value]) => value !== undefined));
 }
 
 /// The page's form of a camera from a message.
@@ -94,6 +94,9 @@ export function fromFragment(fragment, defaults, modes) {
   if (modes.includes(given.get('mode'))) view.mode = given.get('mode');
   const spp = numbers(given.get('spp'), 1, 1)?.[0];
   if (Number.isInteger(spp) && spp <= MOST_SPP) view.spp = spp;
+  const noise = numbers(given.get('noise'), 1, LEAST_NOISE)?.[0];
+  if (given.get('noise') === 'no') delete view.noise;
+  else if (noise <= 1) view.noise = noise;
   const exposure = numbers(given.get('ev'), 1)?.[0];
   if (given.get('ev') === 'auto') delete view.exposure;
   else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;
@@ -122,6 +125,7 @@ export function toFragment(view, defaults) {
   put('ortho', camera.ortho ?? 0, home.ortho ?? 0);
   put('mode', view.mode, defaults.mode);
   put('spp', view.spp, defaults.spp);
+  put('noise', view.noise ?? 'no', defaults.noise ?? 'no');
   put('ev', view.exposure ?? 'auto', defaults.exposure ?? 'auto');
   put('tone', view.tonemap ?? '', defaults.tonemap ?? '');
   put('axis', view.up_axis ?? '', defaults.up_axis ?? '');
