@@ -24,7 +24,7 @@ namespace {
 /// neither gain nor loss.
 constexpr int kRefilledAt = 48;
 
-/// Sets the layers of a pixel by its sample 0.
+/// Adds a sample to the layers that are averaged, and sets the others by sample 0.
 void WriteLayers(PacketWork& work, uint32_t lane) {
   const SamplePacket& s = work.samples;
   const Hit hit = work.rays.HitOf(lane);
@@ -36,6 +36,8 @@ void WriteLayers(PacketWork& work, uint32_t lane) {
       albedo = properties.base_color * surface.color;
     });
   }
+  work.film.AddAverages(work.view, s.pixel[lane], hit.triangle != kNoTriangle, surface.normal, albedo);
+  if (s.sample[lane] != 0) return;
   work.film.SetLayers(work.view, s.pixel[lane], work.rays.RayOf(lane), hit, s.t_offset[lane], surface,
                       albedo);
 }
@@ -255,19 +257,21 @@ void TileRenderer::TakeHits(PacketWork& work, uint64_t lanes, SamplePacket::Stag
 uint64_t TileRenderer::Miss(PacketWork& work, uint64_t lanes) {
   if (!makes_pixels_ || lanes == 0) return 0;
   const SamplePacket& s = work.samples;
+  const bool averages = SumWords(view_->view.aov_mask) > kColorWords;
   ForEachLane(lanes, [&](uint32_t i) {
     if (s.path_code[i] != kPrimaryPath) return;
     film_.SawTo(s.depth_cell[i], kInfinity);
-    if (s.sample[i] == 0) WriteLayers(work, i);
+    if (s.sample[i] == 0 || averages) WriteLayers(work, i);
   });
   return integrator_->Missed(work, lanes);
 }
 
 void TileRenderer::Shade(PacketWork& work, uint64_t lanes) {
   const SamplePacket& s = work.samples;
+  const bool averages = SumWords(view_->view.aov_mask) > kColorWords;
   if (makes_pixels_ && view_->view.aov_mask != 0)
     ForEachLane(lanes, [&](uint32_t i) {
-      if (s.path_code[i] == kPrimaryPath && s.sample[i] == 0) WriteLayers(work, i);
+      if (s.path_code[i] == kPrimaryPath && (s.sample[i] == 0 || averages)) WriteLayers(work, i);
     });
   integrator_->Shade(work, lanes);
 }

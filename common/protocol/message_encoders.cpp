@@ -20,6 +20,7 @@ std::unique_ptr<wire::LightT> LightToWire(const Light& light) {
   w->cone_offset = light.cone_offset;
   w->angle = light.angle;
   w->at_eye = light.at_eye;
+  w->radius = light.radius;
   if (light.kind == LightKind::kRectangle)
     for (const glm::vec3& edge : light.edges) w->edges.insert(w->edges.end(), {edge.x, edge.y, edge.z});
   return w;
@@ -32,6 +33,8 @@ std::unique_ptr<wire::CameraT> CameraToWire(const CameraSpec& camera) {
   w->up = ToVector(camera.up);
   w->fov_degrees = camera.fov_degrees;
   w->ortho_height = camera.ortho_height;
+  w->aperture = camera.aperture;
+  w->focus = camera.focus;
   return w;
 }
 
@@ -59,6 +62,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->turbidity = view.sky.turbidity;
   w->meters = view.meters;
   w->noise = view.noise;
+  w->transparent = view.transparent;
   w->range = static_cast<int8_t>(view.range);
   if (!view.environment.is_named()) return w;
   w->environment = std::make_unique<wire::EnvironmentT>();

@@ -25,6 +25,7 @@ bool ReadLight(const wire::Light& l, Light& light) {
   light.cone_offset = l.cone_offset();
   light.angle = l.angle();
   light.at_eye = l.at_eye();
+  light.radius = l.radius();
   if (light.kind == LightKind::kRectangle) {
     if (SizeOf(l.edges()) != 6) return false;
     for (uint32_t i = 0; i < 6; ++i) light.edges[i / 3][static_cast<int>(i % 3)] = l.edges()->Get(i);
@@ -36,6 +37,8 @@ bool ReadLight(const wire::Light& l, Light& light) {
 bool ReadCamera(const wire::Camera& c, CameraSpec& camera) {
   camera.fov_degrees = c.fov_degrees();
   camera.ortho_height = c.ortho_height();
+  camera.aperture = c.aperture();
+  camera.focus = c.focus();
   return Read(c.eye(), camera.eye) && Read(c.at(), camera.at) && Read(c.up(), camera.up);
 }
 
@@ -88,6 +91,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.range = w.range();
   view.meters = w.meters();
   view.noise = w.noise();
+  view.transparent = w.transparent();
   QUARRY_TRY(ReadEnvironment(w.environment(), view.environment));
   return ReadSection(w.section(), view.section);
 }

@@ -23,7 +23,9 @@ Camera::Camera(const CameraSpec& spec, uint32_t width, uint32_t height, const gl
       upper_(upper),
       all_start_inside_(!view_.orthographic && glm::all(glm::lessThanEqual(lower_, view_.eye)) &&
                         glm::all(glm::lessThanEqual(view_.eye, upper_))),
-      start_at_eye_(!view_.orthographic && IsWithinReach(view_.eye, lower, upper)) {}
+      start_at_eye_(!view_.orthographic && IsWithinReach(view_.eye, lower, upper)),
+      lens_radius_(spec.aperture / 2),
+      focus_(spec.focus > 0 ? spec.focus : std::sqrt(Dot(spec.at - spec.eye, spec.at - spec.eye))) {}
 
 /// Selects instead of branching, so that a loop of it becomes vector instructions.
 template <bool kOrthographic, bool kClip>
@@ -47,6 +49,16 @@ PrimaryRay Camera::Shoot(double x, double y) const {
   PrimaryRay ray;
   Choose([&]<bool kOrthographic, bool kClip>() { ray = ShootAs<kOrthographic, kClip>(x, y); });
   return ray;
+}
+
+PrimaryRay Camera::ShootThrough(double x, double y, double across, double down) const {
+  const glm::dvec3 step = AcrossOf(view_, x, y, width_, height_);
+  const glm::dvec3 middle = view_.orthographic ? view_.eye + step : view_.eye;
+  const glm::dvec3 sharp = view_.eye + step * (view_.orthographic ? 1 : focus_) + view_.forward * focus_;
+  const glm::dvec3 origin =
+      middle + Unit(view_.right) * (across * lens_radius_) + Unit(view_.down) * (down * lens_radius_);
+  const bool stays = IsWithinReach(origin, glm::vec3(lower_), glm::vec3(upper_)) && !view_.orthographic;
+  return ClipToBox(origin, Unit(sharp - origin), lower_, upper_, stays);
 }
 
 RayQuery Camera::Query(double x, double y) const {

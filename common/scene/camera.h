@@ -79,6 +79,11 @@ class Camera {
   /// The same rays, PrimaryRays::kCount at once.
   void Shoot(const double (&x)[PrimaryRays::kCount], const double (&y)[PrimaryRays::kCount],
              PrimaryRays& rays) const;
+  /// Whether the camera has a lens, so that rays start all over it.
+  bool has_lens() const { return lens_radius_ > 0; }
+  /// The ray at (x, y) from a point of the lens to where Shoot(x, y) meets the plane of focus. `across`,
+  /// `down`: the point, as a share of the lens's radius. Source: Cook et al. 1984, section 4 (the thin lens).
+  PrimaryRay ShootThrough(double x, double y, double across, double down) const;
 
  private:
   template <bool kOrthographic, bool kClip>
@@ -91,6 +96,7 @@ class Camera {
   glm::dvec3 lower_, upper_;
   bool all_start_inside_;  ///< whether all rays start in the box
   bool start_at_eye_;      ///< whether no origin has to be moved
+  double lens_radius_, focus_;
 };
 
 }  // namespace quarry

@@ -2,10 +2,19 @@
 
 namespace quarry {
 
+uint32_t SumWords(uint32_t aov_mask) {
+  uint32_t words = kColorWords;
+  for (const Aov aov : kAveraged)
+    if (aov_mask >> static_cast<int>(aov) & 1)
+      words += static_cast<uint32_t>(kAovInfo[static_cast<int>(aov)].words);
+  return words;
+}
+
 size_t BytesPerPoint(PixelForm form, uint32_t aov_mask) {
   const size_t words = WordsPerPixel(aov_mask);
   if (form == PixelForm::kShown) return sizeof(uint32_t);
-  return form == PixelForm::kSums ? kColorWords * sizeof(int64_t) + 4 * (words - kColorWords) : 4 * words;
+  return form == PixelForm::kSums ? SumWords(aov_mask) * sizeof(int64_t) + 4 * (words - kColorWords)
+                                  : 4 * words;
 }
 
 Status CheckTile(const Tile& tile, const View& view) {

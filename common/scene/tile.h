@@ -17,7 +17,9 @@ inline constexpr size_t kUrgencies = 3;
 /// The form of a lattice point in a tile's result.
 enum class PixelForm : uint8_t {
   kMeans,  ///< four float32, the mean radiance and coverage of the view's samples; then the layers
-  kSums,   ///< four int64, the sums of the tile's samples as FixedRadiance has them; then the layers
+  /// SumWords() int64, the sums of the tile's samples as FixedRadiance has them; then the layers, those that
+  /// are averaged without a value
+  kSums,
   /// A uint32, the mean of the tile's samples as PackShared() has it, kUncovered or kHole. A point that is
   /// covered in part counts as covered.
   kShown,
@@ -68,6 +70,9 @@ struct Tile {
   }
 };
 
+/// The sums of a point: of its colour, and of the layers that are averaged over samples, the normal and the
+/// albedo. A normal's component is summed as 1 + itself, and as 1 where nothing is hit.
+uint32_t SumWords(uint32_t aov_mask);
 /// Bytes of a lattice point of a tile of this form.
 size_t BytesPerPoint(PixelForm form, uint32_t aov_mask);
 

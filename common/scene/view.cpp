@@ -56,6 +56,9 @@ Status CheckCamera(const CameraSpec& c) {
     return BadUsage("--ortho needs a positive height");
   if (!(c.fov_degrees > 0) || c.fov_degrees > 179)
     return BadUsage("--fov must lie between 0 and 179 degrees");
+  if (!(c.aperture >= 0 && c.aperture <= kMostLens))
+    return BadUsage("--aperture must be a length of 0 or more");
+  if (!(c.focus >= 0 && c.focus <= kMostLens)) return BadUsage("--focus must be a distance of 0 or more");
   return {};
 }
 
@@ -106,11 +109,13 @@ Status NormalizeView(View& view) {
   if (std::abs(view.range) > kMostRange) return BadUsage("a view's range is too large");
   if (view.aov_mask >> kAovs) return BadUsage("an unknown layer was requested");
   if (view.lights.size() > kMaxLights) return BadUsage(fmt::format("more than {} lights", kMaxLights));
+  if (view.transparent) view.backdrop = true;
   PlaceEyeLights(view);
   for (Light& light : view.lights) {
     if (!Finite(light.vector) || !Nonnegative(light.radiance) || !Finite(light.axis) ||
         !std::isfinite(light.cone_scale) || !std::isfinite(light.cone_offset) ||
-        !(light.angle >= 0 && light.angle <= 90) || !Finite(light.edges[0]) || !Finite(light.edges[1]))
+        !(light.angle >= 0 && light.angle <= 90) || !(light.radius >= 0 && light.radius <= 1e18f) ||
+        !Finite(light.edges[0]) || !Finite(light.edges[1]))
       return BadUsage("a light has an invalid value");
     if (light.kind == LightKind::kRectangle && !HasArea(light.edges))
       return BadUsage("a rectangle that shines has no area");

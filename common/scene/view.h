@@ -39,12 +39,18 @@ inline constexpr AovInfo kAovInfo[kAovs] = {
     {"material", 1, true}, {"part", 1, true},    {"voxel", 1, true}, {"albedo", 3, false},
     {"noise", 1, false},   {"samples", 1, true}};
 
-/// A pinhole or orthographic camera. Units: positions, like the positions of lights, are the model's minus
-/// SceneMeta::offset, as in the store.
+/// Layers that are the mean over the samples of a pixel, as denoisers want them. The others are those of
+/// sample 0.
+inline constexpr Aov kAveraged[] = {Aov::kNormal, Aov::kAlbedo};
+
+/// A perspective or orthographic camera, of a pinhole or a thin lens. Units: positions, like the positions of
+/// lights, are the model's minus SceneMeta::offset, as in the store.
 struct CameraSpec {
   glm::dvec3 eye{0, -1, 0}, at{0}, up{0, 0, 1};
   double fov_degrees = 45;  ///< vertical, in (0, 179]
   double ortho_height = 0;  ///< scene units; above 0: orthographic, with this height of the image
+  double aperture = 0;      ///< diameter of the lens, scene units; 0: a pinhole, which shows all sharp
+  double focus = 0;         ///< distance of what is sharp, along the view, scene units; 0: that of `at`
   bool operator==(const CameraSpec&) const = default;
 };
 
@@ -66,6 +72,7 @@ struct Light {
   /// Rectangle: its sides. Its front is where their cross product points.
   glm::vec3 edges[2] = {glm::vec3(0), glm::vec3(0)};
   bool at_eye = false;  ///< point: NormalizeView() and FrameView() put it where the camera is
+  float radius = 0;     ///< point, in mode path: of the sphere that shines, scene units; 0: a point
   bool operator==(const Light&) const = default;
 };
 
@@ -95,6 +102,8 @@ struct ViewEnvironment {
 /// Limits of a clear sky: its turbidity, and the sine of 5 degrees, below which the sun must not stand.
 inline constexpr float kLeastTurbidity = 2, kMostTurbidity = 10, kLeastSunHeight = 0.0871557f;
 
+/// Limit of a lens's lengths.
+inline constexpr double kMostLens = 1e18;
 /// Limits of an environment.
 inline constexpr double kMostTurn = 3600;
 inline constexpr float kMostStrength = 1e6f;
@@ -128,6 +137,9 @@ struct View {
   /// Reflected and refracted rays see `background` either way. False where a background is given: it is
   /// light.
   bool backdrop = true;
+  /// Whether primary rays that hit nothing leave the picture uncovered, whatever sky is there, and nothing is
+  /// put behind it.
+  bool transparent = false;
   CameraSpec camera;
   ViewParts parts;
   SectionCut section;

@@ -106,6 +106,12 @@ Status ReadMode(const JsonValue& value, View& view) {
   return {};
 }
 
+/// Reads a length of a lens.
+Status ReadLength(const JsonValue& value, double& length) {
+  QUARRY_TRY(ReadNumber(value, length));
+  return length >= 0 && length <= kMostLens ? Status{} : value.Wrong("must be 0 or more");
+}
+
 Status ReadNoise(const JsonValue& value, double& noise) {
   QUARRY_TRY(ReadNumber(value, noise));
   if (noise >= kLeastNoise && noise <= kMostNoise) return {};
@@ -198,6 +204,7 @@ ordered_json ToJson(const Light& light, const glm::dvec3& offset) {
     j["edges"] = {ToJson(glm::dvec3(light.edges[0])), ToJson(glm::dvec3(light.edges[1]))};
   if (light.kind == LightKind::kPoint && light.cone_scale != 0)
     j["cone"] = {{"axis", ToJson(light.axis)}, {"scale", light.cone_scale}, {"offset", light.cone_offset}};
+  if (light.radius > 0) j["radius"] = light.radius;
   return j;
 }
 
@@ -326,6 +333,8 @@ Status ReadCamera(const JsonValue& object, CameraSpec& camera) {
   QUARRY_ASSIGN(const JsonValue at, object.Member("at"));
   QUARRY_TRY(ReadPoint(at, camera.at));
   QUARRY_TRY(ReadOptional(object, "up", ReadPoint, camera.up));
+  QUARRY_TRY(ReadOptional(object, "aperture", ReadLength, camera.aperture));
+  QUARRY_TRY(ReadOptional(object, "focus", ReadLength, camera.focus));
   QUARRY_ASSIGN(const std::optional<JsonValue> ortho, object.Optional("ortho"));
   if (ortho) {
     QUARRY_ASSIGN(camera.ortho_height, ortho->Number());
@@ -357,6 +366,7 @@ Result<Light> ReadLight(const JsonValue& object, const glm::dvec3& offset) {
   QUARRY_TRY(ReadColour(radiance, light.radiance));
   QUARRY_TRY(ReadOptional(object, "cone", ReadCone, light));
   QUARRY_TRY(ReadOptional(object, "angle", ReadNumber<float>, light.angle));
+  QUARRY_TRY(ReadOptional(object, "radius", ReadNumber<float>, light.radius));
   if (light.kind != LightKind::kRectangle) return light;
   QUARRY_ASSIGN(const JsonValue edges, object.Member("edges"));
   QUARRY_TRY(ReadEdges(edges, light));
@@ -383,11 +393,11 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   QUARRY_TRY(json.HasOnly({"camera",  "size",    "crop",     "mode",        "spp",     "seed",
                            "aov",     "up_axis", "ao",       "lights",      "ambient", "background",
                            "bounces", "sky",     "exposure", "hide",        "only",    "colors",
-                           "section", "edges",   "tonemap",  "environment", "noise"}));
+                           "section", "edges",   "tonemap",  "environment", "noise",   "transparent"}));
   View& view = into.view;
   QUARRY_ASSIGN(const std::optional<JsonValue> camera, json.Optional("camera"));
   if (camera) {
-    QUARRY_TRY(camera->HasOnly({"eye", "at", "up", "fov", "ortho"}));
+    QUARRY_TRY(camera->HasOnly({"eye", "at", "up", "fov", "ortho", "aperture", "focus"}));
     QUARRY_TRY(ReadCamera(*camera, view.camera));
     view.camera.eye -= offset;
     view.camera.at -= offset;
@@ -415,6 +425,10 @@ Status ReadView(const JsonValue& json, const glm::dvec3& offset, ViewDescription
   if (edges) {
     QUARRY_ASSIGN(view.edges, edges->Flag());
   }
+  QUARRY_ASSIGN(const std::optional<JsonValue> transparent, json.Optional("transparent"));
+  if (transparent) {
+    QUARRY_ASSIGN(view.transparent, transparent->Flag());
+  }
   return ReadLighting(json, offset, view);
 }
 
@@ -426,6 +440,8 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
     camera["ortho"] = c.ortho_height;
   else
     camera["fov"] = c.fov_degrees;
+  if (c.aperture > 0) camera["aperture"] = c.aperture;
+  if (c.focus > 0) camera["focus"] = c.focus;
   ordered_json j = {{"camera", std::move(camera)}, {"size", {view.width, view.height}}};
   if (view.crop.width > 0 && view.crop != PixelRect{0, 0, view.width, view.height})
     j["crop"] = {view.crop.x, view.crop.y, view.crop.width, view.crop.height};
@@ -452,6 +468,7 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
   if (view.parts.lists) j.update(PartListsToJson(*view.parts.lists));
   if (!view.section.empty()) j["section"] = ToJson(view.section, offset);
   if (view.edges) j["edges"] = true;
+  if (view.transparent) j["transparent"] = true;
   return j;
 }
 

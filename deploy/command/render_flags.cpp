@@ -34,6 +34,12 @@ void AddViewOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--fov", a.fov, "Vertical field of view in degrees")
       ->check(RealNumber(0, 179))
       ->capture_default_str();
+  c.add_option(
+       "--aperture", a.aperture,
+       "Diameter of the lens in scene units: what is not in focus is blurred (default: 0, all is sharp)")
+      ->check(RealNumber(0, kMostLens));
+  c.add_option("--focus", a.focus, "Distance that is in focus, in scene units (default: that of --at)")
+      ->check(RealNumber(0, kMostLens));
   c.add_option("--ortho", a.ortho, "Orthographic camera; its height in scene units")
       ->check(RealNumber(0, std::numeric_limits<double>::max()));
   c.add_option("--camera-path", a.camera_path, "Camera path as JSON; writes out.####.png");
@@ -88,6 +94,8 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--environment-strength", a.environment_strength, "Factor of the environment's light")
       ->check(RealNumber(1e-6, kMostStrength))
       ->capture_default_str();
+  c.add_flag("--transparent", a.transparent,
+             "No sky or backdrop behind the model: a PNG has an alpha channel, as an EXR has");
   c.add_option("--bounces", a.bounces, "Bounces of light, in mode path")
       ->check(WholeNumber(0, kMaxBounces))
       ->capture_default_str();
@@ -96,7 +104,7 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
       ->check(RealNumber(-100, 100));
   c.add_option("--tonemap", a.tonemap,
                "How bright values of PNGs end: clip, or film, which rolls them off (default: film in path)");
-  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo");
+  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo,noise,samples");
 }
 
 }  // namespace

@@ -134,6 +134,7 @@ Status ParseImage(const RenderArguments& a, RenderJob& job) {
   if (Typed(a, "--ao-distance")) view.ao_distance = a.ao_distance;
   if (Typed(a, "--bounces")) view.bounces = a.bounces;
   QUARRY_TRY(ParseSky(a, view));
+  if (a.transparent) view.transparent = true;
   if (Typed(a, "--exposure")) job.format.exposure = a.exposure;
   if (Typed(a, "--tonemap")) QUARRY_TRY(ParseTone(a.tonemap, job.format));
   if (Typed(a, "--aov")) QUARRY_TRY(ParseAovs(a.aov, view));
@@ -272,6 +273,13 @@ Status ChooseAoDistance(const RenderArguments& a, const SceneSummary& scene, Vie
   return {};
 }
 
+void SetLens(const RenderArguments& a, RenderJob& job) {
+  for (CameraSpec& camera : job.cameras) {
+    if (Typed(a, "--aperture")) camera.aperture = a.aperture;
+    if (Typed(a, "--focus")) camera.focus = a.focus;
+  }
+}
+
 Status PlaceCameras(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
   job.cameras.clear();
   if (!a.camera_path.empty()) {
@@ -355,6 +363,7 @@ Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJ
   QUARRY_TRY(CheckSunOfSky(scene, job.view));
   QUARRY_TRY(ChooseAoDistance(a, scene, job.view));
   QUARRY_TRY(PlaceCameras(a, scene, job));
+  SetLens(a, job);
   if (!a.has_view_file()) job.view.edges = scene.plain && job.view.mode == RenderMode::kAo;
   if (Typed(a, "--edges")) job.view.edges = a.edges;
   return NormalizeJob(job);

@@ -34,6 +34,8 @@ struct RenderArguments {
   double environment_turn = 0;
   float environment_strength = 1;
   double noise = 0;
+  double aperture = 0, focus = 0;
+  bool transparent = false;
   float ao_distance = 0;  ///< scene units; 0: by the size of the scene
   bool edges = false;     ///< if given: --edges or --no-edges
   uint64_t seed = 0;

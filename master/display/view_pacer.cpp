@@ -258,9 +258,10 @@ void ViewPacer::NoteTime(double seconds, uint64_t points) {
   point_s_ = point_s_ == 0 ? point_s : point_s_ + kNewTime * (point_s - point_s_);
 }
 
-/// The view as it is traced until it rests: where light bounces, without bounces.
+/// The view as it is traced until it rests: without a lens, and where light bounces without bounces.
 View ViewPacer::TracedView() const {
   View view = wanted_.view;
+  view.camera.aperture = 0;
   if (InfoOf(view.mode).bounces) view.bounces = 0;
   return view;
 }

@@ -33,6 +33,7 @@ Result<ViewDescription> ReadDescription(const JsonValue& object, const ViewDescr
     description.view.sky = {};
   }
   QUARRY_TRY(ReadView(object, offset, description));
+  description.view.transparent = false;  // a page shows the backdrop
   View& view = description.view;
   const bool has_sky = view.environment.is_named() && view.mode == RenderMode::kPath;
   if (!lights && has_sky) {

@@ -19,8 +19,9 @@ constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 
 /// Of sums of tiles that have a part of their samples. With noise, all tiles have sums, the last stop's too.
 uint64_t SumsBytes(const View& view, uint64_t tiles) {
-  if (NoiseBlocks::Needs(view)) return 2 * tiles * TileRanges::kSumBytes;
-  return view.spp == 1 ? 0 : std::min<uint64_t>(tiles, TileRanges::kMostBegun) * TileRanges::kSumBytes;
+  const uint64_t of_tile = SumWords(view.aov_mask) * TileRanges::kWordBytes;
+  if (NoiseBlocks::Needs(view)) return 2 * tiles * of_tile;
+  return view.spp == 1 ? 0 : std::min<uint64_t>(tiles, TileRanges::kMostBegun) * of_tile;
 }
 
 uint64_t Pixels(const View& view) { return uint64_t{view.crop.width} * view.crop.height; }

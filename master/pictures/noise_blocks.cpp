@@ -91,7 +91,7 @@ void NoiseBlocks::Measure(const PixelRect& area, const Sums& sums) {
       double squares = 0;
       for (uint32_t y = pixels.y; y < pixels.y + pixels.height; ++y)
         for (uint32_t x = pixels.x; x < pixels.x + pixels.width; ++x) {
-          const size_t pixel = kColorWords * (size_t{y - area.y} * area.width + (x - area.x));
+          const size_t pixel = sums.stride * (size_t{y - area.y} * area.width + (x - area.x));
           squares += SquaredError(sums.first + pixel, sums.all + pixel, sums.first_samples, sums.samples,
                                   least_mean_);
         }

@@ -37,13 +37,14 @@ class NoiseBlocks {
   /// Whether blocks may end at a stop.
   bool MayEnd(uint32_t stop) const { return stop >= kFirstSamples && stop < spp_; }
 
-  /// Sums of the pixels of a rectangle, row by row, kColorWords a pixel: of [0, first_samples), and of
-  /// [0, samples).
+  /// Sums of the pixels of a rectangle, row by row, `stride` words a pixel, the colour's first: of
+  /// [0, first_samples), and of [0, samples).
   struct Sums {
     uint32_t first_samples = 0;
     const FixedRadiance* first = nullptr;
     uint32_t samples = 0;
     const FixedRadiance* all = nullptr;
+    size_t stride = kColorWords;
   };
   /// Measures the error, at the stop `sums.samples`, of the blocks of `area` that have not ended.
   /// Requires: SetExposure(); `area` lies in the crop and consists of whole blocks, or of what the crop has

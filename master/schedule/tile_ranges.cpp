@@ -86,7 +86,8 @@ Status TileRanges::AddSums(Begun& begun, uint32_t tile, const Tile& range,
   if (const size_t bytes = size_t{area.width} * area.height * BytesPerPoint(range.form, view_.aov_mask);
       pixels.size() != bytes)
     return Fail(fmt::format("a range of samples has {} bytes of pixels instead of {}", pixels.size(), bytes));
-  begun.sums.resize(kColorWords * points);
+  const size_t stride = SumWords(view_.aov_mask);
+  begun.sums.resize(stride * points);
   const bool has_layers = range.first_sample == 0 && extra > 0;
   if (has_layers) begun.layers.resize(extra * points);
   const std::byte* from = pixels.data();
@@ -94,10 +95,10 @@ Status TileRanges::AddSums(Begun& begun, uint32_t tile, const Tile& range,
     for (uint32_t x = area.x; x < area.x + area.width; ++x) {
       const size_t p = size_t{y - whole.y} * whole.width + (x - whole.x);
       const bool ended = noise_ && noise_->ended(x, y);
-      for (size_t c = 0; c < kColorWords; ++c, from += sizeof(int64_t)) {
+      for (size_t c = 0; c < stride; ++c, from += sizeof(int64_t)) {
         int64_t bits = 0;
         std::memcpy(&bits, from, sizeof bits);
-        if (!ended) begun.sums[kColorWords * p + c].Add(FixedRadiance::FromBits(bits));
+        if (!ended) begun.sums[stride * p + c].Add(FixedRadiance::FromBits(bits));
       }
       if (has_layers) std::memcpy(&begun.layers[extra * p], from, 4 * extra);
       from += 4 * extra;
@@ -110,8 +111,8 @@ Status TileRanges::AddSums(Begun& begun, uint32_t tile, const Tile& range,
 std::vector<uint32_t> TileRanges::PassStop(uint32_t tile) {
   Begun& begun = begun_.at(tile);
   if (begun.first_samples > 0 || begun.samples == view_.spp)
-    noise_->Measure(tiles_[tile],
-                    {begun.first_samples, begun.first_sums.data(), begun.samples, begun.sums.data()});
+    noise_->Measure(tiles_[tile], {begun.first_samples, begun.first_sums.data(), begun.samples,
+                                   begun.sums.data(), SumWords(view_.aov_mask)});
   begun.first_sums = begun.sums;
   begun.first_samples = begun.samples;
   std::vector<uint32_t> done;
@@ -153,14 +154,17 @@ Bytes TileRanges::Take(uint32_t tile) {
   const PixelRect& whole = tiles_[tile];
   const size_t points = size_t{whole.width} * whole.height, extra = begun.layers.size() / points;
   Bytes pixels(points * 4 * (kColorWords + extra));
+  const size_t stride = SumWords(view_.aov_mask);
   std::byte* to = pixels.data();
   for (size_t p = 0; p < points; ++p) {
     const auto x = static_cast<uint32_t>(whole.x + p % whole.width);
     const auto y = static_cast<uint32_t>(whole.y + p / whole.width);
-    const MeanColor mean(noise_ ? noise_->samples(x, y) : view_.spp, view_.range);
-    const auto color = mean(&begun.sums[kColorWords * p]);
+    const uint32_t samples = noise_ ? noise_->samples(x, y) : view_.spp;
+    const FixedRadiance* sums = &begun.sums[stride * p];
+    const auto color = MeanColor(samples, view_.range)(sums);
     std::memcpy(to, color.data(), sizeof color);
     if (extra > 0) std::memcpy(to + sizeof color, &begun.layers[extra * p], 4 * extra);
+    PutAverages(sums, samples, view_.aov_mask, to + sizeof color);
     to += 4 * (kColorWords + extra);
     if (noise_) PutNoise(view_, *noise_, x, y, to);
   }

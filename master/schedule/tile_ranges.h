@@ -22,9 +22,9 @@ namespace quarry {
 class TileRanges {
  public:
   /// Limit of tiles that come in ranges at a time; others are rendered whole meanwhile. A live worker
-  /// goes on with its own tile first, so that there are few. Bounds memory: a tile's sums take kSumBytes.
+  /// goes on with its own tile first, so that there are few. Bounds memory: a tile's sums take kWordBytes for each of SumWords().
   static constexpr size_t kMostBegun = 4096;
-  static constexpr uint64_t kSumBytes = kColorWords * sizeof(FixedRadiance) * kTileSize * kTileSize;
+  static constexpr uint64_t kWordBytes = sizeof(FixedRadiance) * kTileSize * kTileSize;
 
   /// `tiles`: the frame's. They outlive this.
   TileRanges(const View& view, std::span<const PixelRect> tiles);
@@ -57,7 +57,7 @@ class TileRanges {
   struct Begun {
     uint32_t samples = 0;  ///< 0 until its first range is there
     uint64_t first_lease = 0;
-    std::vector<FixedRadiance> sums;        ///< kColorWords a pixel
+    std::vector<FixedRadiance> sums;        ///< SumWords() a pixel
     std::vector<uint32_t> layers;           ///< of sample 0
     std::vector<FixedRadiance> first_sums;  ///< at the last stop
     uint32_t first_samples = 0;

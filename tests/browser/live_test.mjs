@@ -125,6 +125,27 @@ test('a sky is chosen and turned, and the link names it', async () => {
   await page.evaluate(next => window.quarry.setView(next), view);
 });
 
+test('a wish for the noise ends the picture, which is the job\'s, and the page shows what is reached', async () => {
+  const view = await viewOf(page);
+  await page.evaluate(next => window.quarry.setView(next), { ...view, mode: 'path', spp: 64 });
+  await page.click('#tool-panel');
+  await page.selectOption('#noise', '0.2');
+  await untilExact(page);
+  const wished = await viewOf(page);
+  assert.deepEqual([wished.noise, wished.spp], [0.2, 4096]);
+  await checkExact(page);
+  await page.waitForFunction(() => /^exact · noise [\d.]+ %, wanted 20 %$/.test(document.getElementById('status').innerText.trim()), null, { timeout: 5000 });
+  assert.equal(await page.innerText('#spp-name'), 'Samples a pixel at most');
+  await shoot(page, 'noise');
+  await page.waitForFunction(() => location.hash.includes('noise=0.2'));
+  const exact = (await exactOf(page)).png;
+  await page.selectOption('#noise', '');
+  assert.deepEqual([(await viewOf(page)).noise, (await viewOf(page)).spp], [undefined, 64]);
+  assert.ok(!(await exactOf(page)).png.equals(exact), 'all samples are another picture');
+  await page.click('#tool-panel');
+  await page.evaluate(next => window.quarry.setView(next), view);
+});
+
 test('a worker dies and another joins during a flight', async () => {
   const [before, drawn] = [await eyeOf(page), await drawnBy(page)];
   await page.keyboard.press('g');

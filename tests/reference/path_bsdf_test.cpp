@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/engine/integrators/path/path_lights.h"
+#include "common/engine/integrators/path/rough_glass.h"
 #include "tests/reference/path_fixture.h"
 #include "tests/reference/scene_fixture.h"
 
@@ -141,6 +142,32 @@ TEST_CASE("Glass sends on all light: it mirrors a share and refracts the rest", 
     }
 }
 
+TEST_CASE("Rough glass sends on all light, within a hundredth", "[reference][path]") {
+  std::mt19937 random(12);
+  const auto number = [&] { return Uniform(random, 0, 1); };
+  Material glass;
+  glass.transmission_weight = 1;
+  for (const float ior : {1.33f, 1.5f, 2.4f})
+    for (const float roughness : {0.06f, 0.2f, 0.45f, 0.7f, 1.0f})
+      for (const bool entering : {true, false})
+        for (const float cosine : kCosines) {
+          INFO("index " << ior << ", roughness " << roughness << ", entering " << entering << ", cosine "
+                        << cosine);
+          glass.ior = glass.specular_ior = ior;
+          glass.specular_roughness = roughness;
+          Surface s = SurfaceSeenAt(cosine);
+          s.entering = entering;
+          if (!entering) s.geometric_normal = -s.geometric_normal;
+          const RoughGlass rough(SurfaceProperties(glass), s);
+          Mean sent;
+          for (int i = 0; i < 20000; ++i) {
+            const glm::vec2 u(number(), number());
+            sent.Add(static_cast<double>(rough.SampleDirection(u, number()).weight.x));
+          }
+          CHECK(std::fabs(sent.value() - 1) < 0.01 + 4 * sent.sigma());
+        }
+}
+
 TEST_CASE("Directions of paths and lights follow their densities", "[reference][path]") {
   constexpr uint32_t kSamples = 200000;
   std::mt19937 random(11);
@@ -161,6 +188,26 @@ TEST_CASE("Directions of paths and lights follow their densities", "[reference][
         CHECK(ChiSquareExcess(
                   draw, [&](const glm::vec3& d) { return bsdf.Toward(d).density; }, kSamples) < 5);
       }
+  for (const float roughness : {0.3f, 0.7f})
+    for (const bool entering : {true, false}) {
+      INFO("glass of roughness " << roughness << ", entering " << entering);
+      Material glass;
+      glass.transmission_weight = 1;
+      glass.ior = glass.specular_ior = 1.5f;
+      glass.specular_roughness = roughness;
+      Surface s = SurfaceSeenAt(0.7f);
+      s.entering = entering;
+      if (!entering) s.geometric_normal = -s.geometric_normal;
+      const RoughGlass rough(SurfaceProperties(glass), s);
+      const auto draw = [&]() -> std::optional<glm::vec3> {
+        const glm::vec2 u(number(), number());
+        const PathBsdf::Sample sample = rough.SampleDirection(u, number());
+        if (!(sample.density > 0)) return std::nullopt;
+        return sample.direction;
+      };
+      CHECK(ChiSquareExcess(
+                draw, [&](const glm::vec3& d) { return rough.Toward(d).density; }, kSamples) < 5);
+    }
   for (const float turbidity : {0.0f, 3.0f}) {
     const SkyLight sky({glm::vec3(1), turbidity}, glm::normalize(glm::vec3(1, 0, 1)), {0, 0, 1});
     const auto draw = [&]() -> std::optional<glm::vec3> { return sky.Direction({number(), number()}); };
@@ -183,6 +230,24 @@ TEST_CASE("Directions of paths and lights follow their densities", "[reference][
     return glm::dot(d, sun.vector) > std::cos(static_cast<float>(kPi) / 6) ? 1 / solid : 0.0;
   };
   CHECK(ChiSquareExcess(draw, within, 20000) < 5);
+  Light sphere;
+  sphere.kind = LightKind::kPoint;
+  sphere.vector = {0.3f, 0.2f, 1};
+  sphere.radius = 0.7f;
+  view.lights = {sphere};
+  const PathLights spheres(view, scene);
+  const auto draw_sphere = [&]() -> std::optional<glm::vec3> {
+    const PathLights::Sample s = spheres.Toward(glm::vec3(0), {number(), number()}, {number(), number()});
+    CHECK(glm::distance(s.direction * s.distance, sphere.vector) == Approx(0.7).epsilon(1e-3));
+    return s.direction;
+  };
+  const auto of_sphere = [&](const glm::vec3& d) {
+    const double sine2 = 0.49 / 1.13, solid_angle = 2 * kPi * (1 - std::sqrt(1 - sine2));
+    const float along = glm::dot(d, sphere.vector);
+    return along > 0 && glm::dot(sphere.vector, sphere.vector) - along * along < 0.49f ? 1 / solid_angle
+                                                                                       : 0.0;
+  };
+  CHECK(ChiSquareExcess(draw_sphere, of_sphere, 20000) < 5);
 }
 
 TEST_CASE("Shading normals leak no light through sheets, and fade where light grazes", "[reference][path]") {

@@ -214,6 +214,29 @@ TEST_CASE("Suns, rectangles and skies light a matt plate as their closed forms s
     view.lights[0].edges[0] = -lamp.edges[0];  // its back
     CHECK(MeanOf(Picture(scene, view)) == 0);
   }
+  SECTION("a point that is a sphere, and a spot") {
+    Light lamp;
+    lamp.kind = LightKind::kPoint;
+    lamp.vector = {1, 0.75f, 2};
+    lamp.radiance = glm::vec3(3);
+    // As far as it is above the plate, a sphere lights it as its point would.
+    const double distance2 = 1 + 0.75 * 0.75 + 4, cosine = 2 / std::sqrt(distance2);
+    for (const float radius : {0.0f, 0.01f, 1.5f}) {
+      lamp.radius = radius;
+      view.lights = {lamp};
+      CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 3 * cosine / distance2).epsilon(3e-3));
+    }
+    lamp.radius = 0.05f;
+    lamp.axis = {0, 0, -1};
+    lamp.cone_scale = 1;
+    lamp.cone_offset = 0;
+    view.lights = {lamp};
+    CHECK(MeanOf(Picture(scene, view)) ==
+          Approx(0.6 * 3 * cosine / distance2 * cosine * cosine).epsilon(5e-3));
+    view.lights[0].vector = {0, 0, 0.01f};
+    view.lights[0].radius = 0.5f;  // the plate is inside
+    CHECK(MeanOf(Picture(scene, view)) == 0);
+  }
   SECTION("a sky of one radiance") {
     view.sky.radiance = glm::vec3(1.5f);
     CHECK(MeanOf(Picture(scene, view)) == Approx(0.6 * 1.5).epsilon(2e-3));
@@ -285,6 +308,17 @@ TEST_CASE("Lights that vertices ask for and lights that paths meet give one pict
   sun.angle = 20;
   view.lights = {sun};
   CheckWays(scene, view, "a sun of 20 degrees");
+  Light point;
+  point.kind = LightKind::kPoint;
+  point.vector = {1.8f, 0.3f, 1.5f};
+  point.radiance = glm::vec3(2);
+  point.radius = 0.6f;
+  view.lights = {point};
+  CheckWays(scene, view, "a sphere");
+  view.lights[0].axis = {-1, 0, 0};
+  view.lights[0].cone_scale = 1.5f;
+  view.lights[0].cone_offset = -0.4f;
+  CheckWays(scene, view, "a sphere with a cone");
   view.lights.clear();
   view.sky.radiance = glm::vec3(0.8f);
   CheckWays(scene, view, "a sky");

@@ -22,7 +22,8 @@ void TileFilm::Open(const ViewContext& view, const Tile& tile) {
   tile_ = tile;
   const size_t pixels = size_t{tile.columns()} * tile.rows();
   depths_.assign(size_t{DepthCells(tile.columns())} * DepthCells(tile.rows()), 0);
-  sums_.assign(kColorWords * pixels, {});
+  stride_ = SumWords(view.view.aov_mask);
+  sums_.assign(stride_ * pixels, {});
   aovs_.assign((view.words - kColorWords) * pixels, 0);
   hits_ = {};
   surfaces_ = {};
@@ -36,6 +37,7 @@ void TileFilm::OpenHits(size_t count, RayGoal goal, bool has_surfaces) {
   tile_ = {};
   depths_.clear();
   sums_.clear();
+  stride_ = kColorWords;
   aovs_.clear();
   holes_.clear();
   edges_.Open({}, false);
@@ -90,6 +92,17 @@ void TileFilm::SetLayers(const ViewContext& context, uint32_t pixel, const Ray& 
   put(Aov::kSamples, 0u);
 }
 
+void TileFilm::AddAverages(const ViewContext& context, uint32_t pixel, bool is_hit, const glm::vec3& normal,
+                           const glm::vec3& albedo) {
+  FixedRadiance* to = &sums_[size_t{stride_} * pixel + kColorWords];
+  const auto add = [&](Aov aov, const glm::vec3& value) {
+    if (!context.view.has(aov)) return;
+    for (int c = 0; c < 3; ++c) (to++)->Add(value[c]);
+  };
+  add(Aov::kNormal, glm::vec3(1) + (is_hit ? normal : glm::vec3(0)));
+  add(Aov::kAlbedo, albedo);
+}
+
 void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
   if (tile_.form == PixelForm::kMeans) PutMeans(view, result.pixels);
   if (tile_.form == PixelForm::kSums) PutSums(view, result.pixels);
@@ -105,26 +118,28 @@ void TileFilm::Take(const ViewContext& view, RenderedTile& result) {
 }
 
 void TileFilm::PutMeans(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
+  const size_t pixels = sums_.size() / stride_, extra = context.words - kColorWords;
   out.resize(pixels * context.words * 4);
   std::byte* to = out.data();
   const MeanColor mean(context.view.spp, context.view.range);
   for (size_t p = 0; p < pixels; ++p) {
-    const auto color = mean(&sums_[kColorWords * p]);
+    const auto color = mean(&sums_[stride_ * p]);
     std::memcpy(to, color.data(), sizeof color);
     if (extra > 0)  // without layers aovs_ is empty
       std::memcpy(to + sizeof color, aovs_.data() + p * extra, extra * 4);
+    if (stride_ > kColorWords)
+      PutAverages(&sums_[stride_ * p], context.view.spp, context.view.aov_mask, to + sizeof color);
     to += context.words * 4;
   }
 }
 
 void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = sums_.size() / kColorWords, extra = context.words - kColorWords;
-  out.resize(pixels * (kColorWords * sizeof(int64_t) + extra * 4));
+  const size_t pixels = sums_.size() / stride_, extra = context.words - kColorWords;
+  out.resize(pixels * (stride_ * sizeof(int64_t) + extra * 4));
   std::byte* to = out.data();
   for (size_t p = 0; p < pixels; ++p) {
-    for (size_t c = 0; c < kColorWords; ++c, to += sizeof(int64_t)) {
-      const int64_t sum = sums_[kColorWords * p + c].bits();
+    for (size_t c = 0; c < stride_; ++c, to += sizeof(int64_t)) {
+      const int64_t sum = sums_[stride_ * p + c].bits();
       std::memcpy(to, &sum, sizeof sum);
     }
     if (extra > 0) std::memcpy(to, aovs_.data() + p * extra, extra * 4);
@@ -133,11 +148,11 @@ void TileFilm::PutSums(const ViewContext& context, Bytes& out) const {
 }
 
 void TileFilm::PutShown(const ViewContext& context, Bytes& out) const {
-  const size_t pixels = sums_.size() / kColorWords;
+  const size_t pixels = sums_.size() / stride_;
   const uint32_t samples = tile_.samples_of(context.view.spp);
   out.resize(pixels * sizeof(uint32_t));
   for (size_t p = 0; p < pixels; ++p) {
-    const FixedRadiance* of = &sums_[kColorWords * p];
+    const FixedRadiance* of = &sums_[stride_ * p];
     const bool hole = !holes_.empty() && holes_[p];
     const uint32_t code = hole ? kHole
                           : of[3].bits() == 0

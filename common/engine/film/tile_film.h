@@ -44,9 +44,10 @@ struct RenderedTile {
   std::vector<HitSurface> surfaces;  ///< one per hit, if they were asked for
 };
 
-/// The pixels of a tile under way: the sums of their samples' radiance and coverage, the layers and hits of
-/// sample 0, and the depth cells. Sums do not depend on the order of samples: see FixedRadiance. Units:
-/// pixels are lattice points of the tile, row by row; depths are scene units. Not thread-safe.
+/// The pixels of a tile under way: the sums of their samples' radiance and coverage and of averaged layers,
+/// the other layers and hits of sample 0, and the depth cells. Sums do not depend on the order of samples:
+/// see FixedRadiance. Units: pixels are lattice points of the tile, row by row; depths are scene units. Not
+/// thread-safe.
 class TileFilm {
  public:
   /// Begins a tile and reuses the memory of the last.
@@ -57,20 +58,23 @@ class TileFilm {
   void Add(uint32_t pixel, const glm::vec3& radiance) {
     const float most = FixedRadiance::kMost;
     if (!(radiance.x < most && radiance.y < most && radiance.z < most)) NoteFault(radiance);
-    FixedRadiance* to = &sums_[size_t{kColorWords} * pixel];
+    FixedRadiance* to = &sums_[size_t{stride_} * pixel];
     to[0].Add(radiance.x);
     to[1].Add(radiance.y);
     to[2].Add(radiance.z);
   }
   void NoteLongLightRay() { ++faults_.long_light_rays; }
   /// Notes that the primary ray of a sample hits something, or sees light.
-  void Cover(uint32_t pixel) { sums_[size_t{kColorWords} * pixel + 3].Add(1); }
+  void Cover(uint32_t pixel) { sums_[size_t{stride_} * pixel + 3].Add(1); }
   /// Notes that a primary ray of the depth cell ends at `depth` from the eye.
   void SawTo(uint32_t depth_cell, float depth) { depths_[depth_cell] = std::max(depths_[depth_cell], depth); }
   /// Sets the layers that the view asks for. `ray`: sample 0's; `hit.t` counts from the eye;
   /// `surface`, `albedo`: of the hit, if there is one.
   void SetLayers(const ViewContext& view, uint32_t pixel, const Ray& ray, const Hit& hit, float t_offset,
                  const Surface& surface, const glm::vec3& albedo);
+  /// Adds a sample's part of the layers that are averaged. Requires: each sample's primary ray does so once.
+  void AddAverages(const ViewContext& view, uint32_t pixel, bool is_hit, const glm::vec3& normal,
+                   const glm::vec3& albedo);
   /// The lines of the tile.
   EdgeMap& edges() { return edges_; }
   /// Notes that a point's ray has not ended. Requires: the tile leaves holes.
@@ -107,7 +111,8 @@ class TileFilm {
 
   Tile tile_;
   std::vector<float> depths_;         ///< by depth cell
-  std::vector<FixedRadiance> sums_;   ///< kColorWords per pixel
+  uint32_t stride_ = kColorWords;     ///< SumWords()
+  std::vector<FixedRadiance> sums_;   ///< stride_ per pixel
   std::vector<uint32_t> aovs_;        ///< words - kColorWords per pixel
   std::vector<Hit> hits_;             ///< one per ray of a list, or all in the order in which they came
   std::vector<HitSurface> surfaces_;  ///< of hits_

@@ -26,14 +26,18 @@ struct LightSample {
   glm::vec3 radiance{0};  ///< incoming, in Light's units
 };
 inline LightSample SampleSun(const Light& light) { return {light.vector, kInfinity, light.radiance}; }
+/// The share of a point's light that goes against `direction`, which is toward it: 1 without a cone.
+inline float ConeShare(const Light& light, const glm::vec3& direction) {
+  const float along = light.cone_offset - glm::dot(light.axis, direction) * light.cone_scale;
+  const float cone = std::clamp(along, 0.0f, 1.0f);
+  return cone * cone;
+}
 inline LightSample SamplePoint(const Light& light, const glm::vec3& position) {
   const glm::vec3 to = light.vector - position;
   const float distance2 = std::max(glm::dot(to, to), 1e-20f);
   const float distance = std::sqrt(distance2);
   const glm::vec3 direction = to / distance;
-  const float along = light.cone_offset - glm::dot(light.axis, direction) * light.cone_scale;
-  const float cone = std::clamp(along, 0.0f, 1.0f);
-  return {direction, distance, light.radiance / distance2 * (cone * cone)};
+  return {direction, distance, light.radiance / distance2 * ConeShare(light, direction)};
 }
 /// The light as modes with hard shadows see it: a rectangle is a spot at its centre, of the rectangle's power
 /// straight ahead, that falls off by the square of the cosine.

@@ -2,9 +2,17 @@
 
 #include <algorithm>
 
+#include "common/engine/rays/lanes.h"
 #include "common/math/sampling.h"
 
 namespace quarry {
+namespace {
+
+/// Of a sample's place on the lens: vertices of paths leave it free.
+constexpr uint32_t kLensDimension = 14;
+static_assert(kLensDimension + 2 <= kDimensionsPerBounce);
+
+}  // namespace
 
 void EyeRays::Open(const View& view, const Camera& camera, const Tile& tile) {
   view_ = &view;
@@ -34,6 +42,22 @@ void EyeRays::SetLane(uint32_t lane, SamplePacket& s, RayPacket& rays) const {
   s.BeginPath(lane);
 }
 
+/// Lets the rays of `lanes` start anywhere on the lens.
+void EyeRays::MoveToLens(uint64_t lanes, const SamplePacket& s, const double* x, const double* y) {
+  ForEachLane(lanes, [&](uint32_t i) {
+    const glm::vec2 u = SobolSample(view_->seed, s.image_pixel[i], s.sample[i], kLensDimension);
+    const glm::vec2 place = ConcentricDisk(u);
+    const PrimaryRay ray =
+        camera_->ShootThrough(x[i], y[i], static_cast<double>(place.x), static_cast<double>(place.y));
+    for (int axis = 0; axis < 3; ++axis) {
+      primary_.origin[axis][i] = ray.origin[axis];
+      primary_.direction[axis][i] = ray.direction[axis];
+    }
+    primary_.t_offset[i] = ray.t_offset;
+    primary_.misses[i] = ray.misses;
+  });
+}
+
 RaySource::Lanes EyeRays::Next(uint64_t free, SamplePacket& s, RayPacket& rays) {
   const View& view = *view_;
   uint64_t begun = 0;
@@ -59,6 +83,7 @@ RaySource::Lanes EyeRays::Next(uint64_t free, SamplePacket& s, RayPacket& rays) 
     }
   }
   camera_->Shoot(x, y, primary_);
+  if (camera_->has_lens()) MoveToLens(begun, s, x, y);
   if (~free == 0) {
     rays.SetAll(primary_.origin, primary_.direction);
     std::copy_n(primary_.t_offset, RayPacket::kRays, s.t_offset);

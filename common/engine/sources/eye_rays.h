@@ -29,6 +29,7 @@ class EyeRays final : public RaySource {
   };
   static_assert(kTileSize <= 256);
   void SetLane(uint32_t lane, SamplePacket& s, RayPacket& rays) const;
+  void MoveToLens(uint64_t lanes, const SamplePacket& s, const double* x, const double* y);
 
   const View* view_ = nullptr;
   const Camera* camera_ = nullptr;

@@ -15,12 +15,12 @@ export function command(scene, defaults, view, output) {
   // A word that begins with a dash would be an option.
   const [store, picture] = [scene.store, output].map((name) => (name.startsWith('-') ? `./${name}` : name));
   const render = ['quarry', 'render', quoted(store), '-o', quoted(picture)];
-  const isExpressible = Object.keys(view).every((name) => EXPRESSIBLE.includes(name) || JSON.stringify(view[name]) === JSON.stringify(defaults[name]));
+  const { camera } = view;
+  const isExpressible = camera.aperture === undefined && Object.keys(view).every((name) => EXPRESSIBLE.includes(name) || JSON.stringify(view[name]) === JSON.stringify(defaults[name]));
   if (!isExpressible) {
     const file = quoted(picture.replace(/\.png$/, '.view.json'));
     return `printf %s ${quoted(JSON.stringify(view))} > ${file} && ${[...render, '--view', file].join(' ')}`;
   }
-  const { camera } = view;
   const options = {
     size: view.size.join('x'), mode: view.mode, spp: view.spp, noise: view.noise, eye: camera.eye, at: camera.at, up: camera.up, fov: camera.fov, ortho: camera.ortho,
     exposure: view.exposure, tonemap: view.tonemap,

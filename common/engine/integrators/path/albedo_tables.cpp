@@ -26,6 +26,18 @@ float FresnelOf(float cosine, float ior) {
   return 0.5f * a * a * (1 + b * b);
 }
 
+float ShareOfTable(const float* table, uint32_t side, float cosine, float roughness) {
+  const float x = std::sqrt(std::clamp(cosine, 0.0f, 1.0f)) * static_cast<float>(side - 1);
+  const float y = std::clamp(roughness, 0.0f, 1.0f) * static_cast<float>(side - 1);
+  const uint32_t column = std::min(static_cast<uint32_t>(x), side - 2);
+  const uint32_t row = std::min(static_cast<uint32_t>(y), side - 2);
+  const float across = x - static_cast<float>(column), down = y - static_cast<float>(row);
+  const float* at = table + row * side + column;
+  const float upper = at[0] + (at[1] - at[0]) * across;
+  const float lower = at[side] + (at[side + 1] - at[side]) * across;
+  return upper + (lower - upper) * down;
+}
+
 const AlbedoTables& AlbedoTables::Get() {
   static const AlbedoTables kTables;
   return kTables;
@@ -58,18 +70,6 @@ AlbedoTables::AlbedoTables() : shares_(size_t{kIndices + 1} * kSide * kSide) {
       for (uint32_t i = 0; i <= kIndices; ++i)
         shares_[(i * kSide + r) * kSide + c] = static_cast<float>(sums[i] / kPoints);
     }
-}
-
-float AlbedoTables::At(uint32_t table, float cosine, float roughness) const {
-  const float x = std::sqrt(std::clamp(cosine, 0.0f, 1.0f)) * (kSide - 1);
-  const float y = std::clamp(roughness, 0.0f, 1.0f) * (kSide - 1);
-  const uint32_t column = std::min(static_cast<uint32_t>(x), kSide - 2);
-  const uint32_t row = std::min(static_cast<uint32_t>(y), kSide - 2);
-  const float across = x - static_cast<float>(column), down = y - static_cast<float>(row);
-  const float* at = &shares_[(table * kSide + row) * kSide + column];
-  const float upper = at[0] + (at[1] - at[0]) * across;
-  const float lower = at[kSide] + (at[kSide + 1] - at[kSide]) * across;
-  return upper + (lower - upper) * down;
 }
 
 /// A parabola through three tables: shares bend with the index where light grazes.

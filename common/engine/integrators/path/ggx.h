@@ -48,6 +48,9 @@ class Ggx {
     const float of_view = Lambda(view);
     return (1 + of_view) / (1 + of_view + Lambda(light));
   }
+  /// The same of light that comes through the surface, at the height `light` on its other side: shadowing on
+  /// the two sides is independent.
+  float ShareThrough(float light) const { return 1 / (1 + Lambda(light)); }
 
  private:
   float Lambda(float z) const {

@@ -16,6 +16,8 @@ constexpr int kBrightest = 14;
 /// The radiance of a light that the eye can see, else 0. Units: as Light::radiance.
 double SeenRadiance(const Light& light) {
   if (light.kind == LightKind::kRectangle) return static_cast<double>(Largest(light.radiance));
+  if (light.kind == LightKind::kPoint && light.radius > 0)
+    return static_cast<double>(Largest(light.radiance)) / (static_cast<double>(light.radius) * light.radius);
   if (light.kind != LightKind::kSun || light.angle == 0) return 0;
   double sine = 0, cosine = 1;
   SinCos(static_cast<double>(light.angle) * std::numbers::pi / 720, sine, cosine);

@@ -56,6 +56,42 @@ bool IsCutOff(const SectionCut& section, std::span<const glm::vec3> points) {
   });
 }
 
+/// A direction from the cap of the sphere of directions around `middle`, uniform over it. `height`: 1 - the
+/// cosine of its edge. The height of a direction falls with the square of the radius of a point on a disk.
+glm::vec3 InCap(const glm::vec3& middle, float height, const glm::vec2& u) {
+  const glm::vec2 disk = ConcentricDisk(u);
+  const float r2 = std::min(glm::dot(disk, disk), 1.0f), low = height * r2;
+  const float side = std::sqrt(std::max(low * (2 - low), 0.0f) / std::max(r2, 1e-18f));
+  glm::vec3 across, along;
+  Tangents(middle, across, along);
+  return Unit(across * (disk.x * side) + along * (disk.y * side) + middle * (1 - low));
+}
+
+/// The directions in which a light's sphere is seen.
+struct SphereCap {
+  glm::vec3 middle{0};
+  float distance = 0;  ///< of its centre
+  float height = 0;    ///< 1 - the cosine of its edge; 0: it is not seen
+  float density() const { return 1 / (2 * kPiFloat * height); }
+};
+SphereCap CapOf(const Light& light, const glm::vec3& position) {
+  const glm::vec3 to = light.vector - position;
+  const float distance2 = glm::dot(to, to), sine2 = light.radius * light.radius / distance2;
+  if (!(sine2 < 1)) return {};
+  const float distance = std::sqrt(distance2);
+  return {to / distance, distance, sine2 / (1 + std::sqrt(1 - sine2))};
+}
+
+/// Where a ray enters a light's sphere; it may be behind the origin. None: it passes by.
+std::optional<float> DistanceTo(const Light& light, const glm::vec3& origin, const glm::vec3& direction) {
+  const glm::vec3 to = light.vector - origin;
+  const float along = glm::dot(to, direction);
+  const glm::vec3 aside = to - direction * along;
+  const float half2 = light.radius * light.radius - glm::dot(aside, aside);
+  if (!(half2 > 0)) return std::nullopt;
+  return along - std::sqrt(half2);
+}
+
 /// The power that a light sends into a sphere of radius `radius` around the scene; a unit is 4 pi^2.
 double PowerOf(const Light& light, double area, double radius) {
   switch (light.kind) {
@@ -83,6 +119,8 @@ PathLights::Entry PathLights::EntryOf(const Light& light) {
     entry.disc_density = static_cast<float>(1 / solid);
     entry.disc = light.radiance * static_cast<float>(kPi / solid);
   }
+  if (light.kind == LightKind::kPoint && light.radius > 0)
+    entry.sphere = light.radiance / (light.radius * light.radius);
   if (light.kind == LightKind::kRectangle) {
     const glm::dvec3 cross = glm::cross(glm::dvec3(light.edges[0]), glm::dvec3(light.edges[1]));
     const double area = std::sqrt(glm::dot(cross, cross));
@@ -107,7 +145,7 @@ PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
   for (const Light& light : lights_) {
     const Entry entry = EntryOf(light);
     add(entry, PowerOf(light, static_cast<double>(entry.area), radius));
-    can_be_met_ |= entry.disc_density > 0 || entry.area > 0;
+    can_be_met_ |= entry.disc_density > 0 || entry.area > 0 || entry.sphere != glm::vec3(0);
   }
   if (view.sky.shines()) {
     const auto sun = std::ranges::find(lights_, LightKind::kSun, &Light::kind);
@@ -200,6 +238,7 @@ PathLights::Sample PathLights::Toward(const glm::vec3& position, const glm::vec2
   }
   if (entry.area > 0) return TowardRectangle(entry, position, u);
   if (entry.disc_density > 0) return TowardDisc(entry, u);
+  if (entry.sphere != glm::vec3(0)) return TowardSphere(entry, position, u);
   const LightSample seen = SampleLight(*entry.light, position);
   return {seen.direction, seen.distance, seen.radiance * (kPiFloat / entry.chance), 0};
 }
@@ -217,18 +256,21 @@ PathLights::Sample PathLights::TowardRectangle(const Entry& entry, const glm::ve
   return {direction, distance, light.radiance / density, density};
 }
 
-/// Uniform over the cap of the sky that is the disc: the height falls with the square of the radius of a
-/// point on a disk.
 PathLights::Sample PathLights::TowardDisc(const Entry& entry, const glm::vec2& u) {
-  const glm::vec2 disk = ConcentricDisk(u);
-  const float r2 = std::min(glm::dot(disk, disk), 1.0f), low = entry.cap * r2;
-  const float side = std::sqrt(std::max(low * (2 - low), 0.0f) / std::max(r2, 1e-18f));
-  const glm::vec3 middle = entry.light->vector;
-  glm::vec3 across, along;
-  Tangents(middle, across, along);
-  const glm::vec3 direction = Unit(across * (disk.x * side) + along * (disk.y * side) + middle * (1 - low));
+  const glm::vec3 direction = InCap(entry.light->vector, entry.cap, u);
   const float density = entry.disc_density * entry.chance;
   return {direction, kInfinity, entry.disc / density, density};
+}
+
+/// Uniform over the directions toward the sphere. Nothing shines where the position is inside.
+PathLights::Sample PathLights::TowardSphere(const Entry& entry, const glm::vec3& position,
+                                            const glm::vec2& u) {
+  const SphereCap cap = CapOf(*entry.light, position);
+  if (!(cap.height > 0)) return {};
+  const glm::vec3 direction = InCap(cap.middle, cap.height, u);
+  const float density = entry.chance * cap.density();
+  const glm::vec3 light = entry.sphere * (ConeShare(*entry.light, direction) / density);
+  return {direction, DistanceTo(*entry.light, position, direction).value_or(cap.distance), light, density};
 }
 
 /// Uniform over the triangle. Source: Turk 1990.
@@ -257,21 +299,34 @@ glm::vec3 PathLights::OnTheWay(const glm::vec3& origin, const glm::vec3& directi
                                float density) const {
   glm::vec3 all(0);
   for (const Entry& entry : entries_) {
-    if (!(entry.area > 0)) continue;
-    const Light& light = *entry.light;
-    const float cosine = -glm::dot(direction, entry.front);
-    if (!(cosine > 0)) continue;
-    const float t = glm::dot(origin - light.vector, entry.front) / cosine;
-    if (!(t > begin) || !(t < end)) continue;
-    const glm::vec3 at = origin + direction * t - light.vector;
-    const auto within = [&](const glm::vec3& edge, const glm::vec3& across) {
-      const glm::vec3 dual = glm::cross(across, entry.front);
-      return std::fabs(glm::dot(at, dual)) <= 0.5f * std::fabs(glm::dot(edge, dual));
-    };
-    if (!within(light.edges[0], light.edges[1]) || !within(light.edges[1], light.edges[0])) continue;
-    all += light.radiance * MetShare(density, entry.chance * t * t / (entry.area * cosine));
+    if (entry.area > 0) all += OfRectangle(entry, origin, direction, begin, end, density);
+    if (entry.sphere != glm::vec3(0)) all += OfSphere(entry, origin, direction, begin, end, density);
   }
   return all;
+}
+
+glm::vec3 PathLights::OfRectangle(const Entry& entry, const glm::vec3& origin, const glm::vec3& direction,
+                                  float begin, float end, float density) const {
+  const Light& light = *entry.light;
+  const float cosine = -glm::dot(direction, entry.front);
+  if (!(cosine > 0)) return glm::vec3(0);
+  const float t = glm::dot(origin - light.vector, entry.front) / cosine;
+  if (!(t > begin) || !(t < end)) return glm::vec3(0);
+  const glm::vec3 at = origin + direction * t - light.vector;
+  const auto within = [&](const glm::vec3& edge, const glm::vec3& across) {
+    const glm::vec3 dual = glm::cross(across, entry.front);
+    return std::fabs(glm::dot(at, dual)) <= 0.5f * std::fabs(glm::dot(edge, dual));
+  };
+  if (!within(light.edges[0], light.edges[1]) || !within(light.edges[1], light.edges[0])) return glm::vec3(0);
+  return light.radiance * MetShare(density, entry.chance * t * t / (entry.area * cosine));
+}
+
+glm::vec3 PathLights::OfSphere(const Entry& entry, const glm::vec3& origin, const glm::vec3& direction,
+                               float begin, float end, float density) const {
+  const std::optional<float> t = DistanceTo(*entry.light, origin, direction);
+  const SphereCap cap = CapOf(*entry.light, origin);
+  if (!t || !(*t > begin) || !(*t < end) || !(cap.height > 0)) return glm::vec3(0);
+  return entry.sphere * ConeShare(*entry.light, direction) * MetShare(density, entry.chance * cap.density());
 }
 
 glm::vec3 PathLights::Discs(const glm::vec3& direction, float density) const {

@@ -18,11 +18,11 @@ namespace quarry {
 /// for tests.
 enum class LightWays { kBoth, kAsked, kMet };
 
-/// The lights of a view for mode `path`: suns with discs, points and spots, rectangles, the sky or the
-/// environment, and the scene's table of emitters. Emitters that the view hides, colours or cuts off are left
-/// out. A vertex asks for one light, which it chooses by power and evenly, by halves; paths meet discs,
-/// rectangles and the sky too. Radiance is linear RGB, densities are by solid angle. Immutable, so
-/// thread-safe. The same bits on all machines. Memory: 76 bytes an emitter.
+/// The lights of a view for mode `path`: suns with discs, points and spots, which may be spheres, rectangles,
+/// the sky or the environment, and the scene's table of emitters. Emitters that the view hides, colours or
+/// cuts off are left out. A vertex asks for one light, which it chooses by power and evenly, by halves; paths
+/// meet discs, spheres, rectangles and the sky too. Radiance is linear RGB, densities are by solid angle.
+/// Immutable, so thread-safe. The same bits on all machines. Memory: 76 bytes an emitter.
 class PathLights {
  public:
   /// `view` is normalized. `environment`: the view's.
@@ -56,10 +56,10 @@ class PathLights {
   /// between the ray and the triangle's normal. 0: the triangle is not in the table.
   float EmitterDensity(uint32_t triangle, float distance, float cosine) const;
 
-  /// The light of rectangles that a ray crosses between `begin` and `end` (units: t of a unit direction), and
-  /// that of suns' discs and of the sky behind all. The eye sees discs; the sky is light, not a background.
-  /// `density`: with which the ray was chosen; each light is weighed against its own choice by the power
-  /// heuristic. 0: it could not be chosen by lights.
+  /// The light of rectangles and spheres that a ray meets between `begin` and `end` (units: t of a unit
+  /// direction), and that of suns' discs and of the sky behind all. The eye sees discs; the sky is light, not
+  /// a background. `density`: with which the ray was chosen; each light is weighed against its own choice by
+  /// the power heuristic. 0: it could not be chosen by lights.
   glm::vec3 OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,
                      float density) const;
   glm::vec3 Discs(const glm::vec3& direction, float density) const;
@@ -80,6 +80,7 @@ class PathLights {
     glm::vec3 disc{0};         ///< its radiance
     glm::vec3 front{0};        ///< of a rectangle: unit normal
     float area = 0;
+    glm::vec3 sphere{0};  ///< of a point with a radius: its radiance, without a cone
   };
   /// An emitter of the table.
   struct Shining {
@@ -94,6 +95,11 @@ class PathLights {
   Sample TowardEmitter(const glm::vec3& position, float choice, const glm::vec2& u) const;
   static Sample TowardRectangle(const Entry& entry, const glm::vec3& position, const glm::vec2& u);
   static Sample TowardDisc(const Entry& entry, const glm::vec2& u);
+  static Sample TowardSphere(const Entry& entry, const glm::vec3& position, const glm::vec2& u);
+  glm::vec3 OfRectangle(const Entry& entry, const glm::vec3& origin, const glm::vec3& direction, float begin,
+                        float end, float density) const;
+  glm::vec3 OfSphere(const Entry& entry, const glm::vec3& origin, const glm::vec3& direction, float begin,
+                     float end, float density) const;
 
   std::vector<Light> lights_;
   std::optional<SkyLight> sky_;

@@ -9,6 +9,7 @@
 #include "common/engine/integrators/path/albedo_tables.h"
 #include "common/engine/integrators/path/path_bsdf.h"
 #include "common/engine/integrators/path/path_packet.h"
+#include "common/engine/integrators/path/rough_glass.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/properties.h"
 #include "common/engine/surfaces/shown_parts.h"
@@ -68,6 +69,8 @@ PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways,
   for (const Material& material : scene.materials)
     can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
   AlbedoTables::Get();  // before the first ray
+  const auto is_rough = [](const Material& m) { return m.transmission_weight > 0 && RoughGlass::Is(m); };
+  if (std::ranges::any_of(scene.materials, is_rough)) GlassTable::Get();
 }
 
 Integrator::Needs PathTracer::needs() const {
@@ -87,7 +90,7 @@ void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
 }
 
 /// The eye sees the background and the discs of suns; the rays of further bounces see the sky. All see an
-/// environment, but the eye of a meter.
+/// environment, but the eye of a meter. Of a transparent picture the eye sees none of these.
 uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
   const SamplePacket& s = work.samples;
   PathPacket& path = *work.path;
@@ -95,18 +98,18 @@ uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
   ForEachLane(lanes, [&](uint32_t i) {
     const auto lane = static_cast<int>(i);
     const glm::vec3 direction = work.rays.DirectionOf(i), origin = work.rays.RayOf(i).origin;
-    const bool of_eye = s.depth[i] == 0;
+    const bool of_eye = s.depth[i] == 0, uncovered = s.path_code[i] == kPrimaryPath;
+    const bool behind = !(uncovered && view_.transparent);  // whether it sees what is behind the scene
     const float begin = of_eye ? -s.t_offset[i] : 0.0f;
     glm::vec3 light(0);
     if (!LeavesOut(path, i)) {
       light = lights_.OnTheWay(origin, direction, begin, kInfinity, path.density[i]);
-      light += lights_.Discs(direction, path.density[i]);
+      if (behind) light += lights_.Discs(direction, path.density[i]);
     }
     if (!of_eye) light += lights_.OfSky(direction, path.density[i]);
-    const bool sees_sky = lights_.environment() && !(of_eye && view_.meters);
+    const bool sees_sky = lights_.environment() && behind && !(of_eye && view_.meters);
     if (sees_sky) in_sky |= uint64_t{1} << i;
     const bool shines = sees_sky || light != glm::vec3(0);
-    const bool uncovered = s.path_code[i] == kPrimaryPath;
     const bool is_backdrop = lights_.environment() || (uncovered && view_.backdrop);
     if (of_eye && !shines && !is_backdrop) light += view_.background;
     if (uncovered && (shines || !is_backdrop)) work.film.Cover(s.pixel[i]);
@@ -235,11 +238,16 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   path.next_width[lane] = 0;
   share -= passing.hole + passing.pane;
   if (share >= passing.glass) {
-    ScatterAt(work, lane, m);
+    ScatterBy(work, lane, PathBsdf(m, surface));
     return Outcome::kScatters;
   }
   if (m.ior > 1 && m.transmission_depth > 0 && !surface.entering)
     weight *= PowerOf(m.transmission_color, hit_t / m.transmission_depth);
+  if (RoughGlass::Is(m)) {
+    s.weight.Set(i, weight);
+    ScatterBy(work, lane, RoughGlass(m, surface));
+    return Outcome::kScatters;
+  }
   const GlassRay ray = passing.pane > 0
                            ? GlassRay{MirrorDirection(surface), glm::vec3(1), false}
                            : ThroughGlass(m, surface, path.numbers.At(PathNumbers::kChoice, lane).x);
@@ -249,12 +257,12 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
   return Outcome::kScatters;
 }
 
-/// Decides at an opaque vertex which light is asked and where the path goes on.
-void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& m) const {
+/// Decides at a vertex which light is asked and where the path goes on.
+template <class Bsdf>
+void PathTracer::ScatterBy(PacketWork& work, uint32_t lane, const Bsdf& bsdf) const {
   SamplePacket& s = work.samples;
   PathPacket& path = *work.path;
   const auto i = static_cast<int>(lane);
-  const PathBsdf bsdf(m, s.surface[i]);
   AskLight(work, lane, bsdf);
   const PathBsdf::Sample next = bsdf.SampleDirection(path.numbers.At(PathNumbers::kDirection, lane),
                                                      path.numbers.At(PathNumbers::kChoice, lane).x);
@@ -267,7 +275,8 @@ void PathTracer::ScatterAt(PacketWork& work, uint32_t lane, const SurfacePropert
 
 /// Sets a light ray toward a light, and the radiance that it brings if nothing is in its way. The light of
 /// lanes without one is 0.
-void PathTracer::AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const {
+template <class Bsdf>
+void PathTracer::AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) const {
   if (lights_.empty()) return;
   SamplePacket& s = work.samples;
   const auto i = static_cast<int>(lane);

@@ -9,8 +9,6 @@
 
 namespace quarry {
 
-class PathBsdf;
-
 /// Mode `path`: light that bounces. A path never splits: it has one ray, or one light ray, under way. Each
 /// vertex samples one light and one direction, which are weighed by the power heuristic. From the third
 /// bounce on paths end by chance. The ray behind the last bounce finds lights only. Source: Kajiya 1986;
@@ -39,8 +37,10 @@ class PathTracer final : public LightRays {
   enum class Outcome { kPasses, kEnds, kScatters };
   bool LeavesOut(const PathPacket& path, uint32_t lane) const;
   Outcome Meet(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
-  void ScatterAt(PacketWork& work, uint32_t lane, const SurfaceProperties& properties) const;
-  void AskLight(PacketWork& work, uint32_t lane, const PathBsdf& bsdf) const;
+  template <class Bsdf>
+  void ScatterBy(PacketWork& work, uint32_t lane, const Bsdf& bsdf) const;
+  template <class Bsdf>
+  void AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) const;
   void GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) const;
   void EndPaths(PacketWork& work, uint64_t lanes) const;
   uint64_t EndInSky(PacketWork& work, uint64_t lanes) const;
