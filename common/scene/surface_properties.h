@@ -16,6 +16,7 @@ struct SurfaceProperties {
   float specular_ior, transmission_weight;
   glm::vec3 transmission_color;
   float transmission_depth, geometry_opacity;
+  bool is_open_pbr;
 
   SurfaceProperties(const Material& m)  // NOLINT(google-explicit-constructor): a material has them everywhere
       : diffuse(m.diffuse),
@@ -36,7 +37,8 @@ struct SurfaceProperties {
         transmission_weight(m.transmission_weight),
         transmission_color(m.transmission_color),
         transmission_depth(m.transmission_depth),
-        geometry_opacity(m.geometry_opacity) {}
+        geometry_opacity(m.geometry_opacity),
+        is_open_pbr(m.is_open_pbr) {}
 };
 
 }  // namespace quarry

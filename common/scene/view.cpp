@@ -95,6 +95,9 @@ Status NormalizeView(View& view) {
     return BadUsage(fmt::format("--spp must lie between 1 and {}", kMaxSpp));
   if (view.noise != 0 && !(view.noise >= kLeastNoise && view.noise <= kMostNoise))
     return BadUsage(fmt::format("--noise must lie between {} and {}", kLeastNoise, kMostNoise));
+  if (view.noise > 0 && view.spp < kLeastNoiseSpp)
+    return BadUsage(fmt::format("--noise needs at least {} samples a pixel; give another --spp, or none",
+                                kLeastNoiseSpp));
   if (view.has(Aov::kNoise) && view.spp < 2)
     return BadUsage("the layer noise needs at least 2 samples a pixel; give --spp");
   if (view.up_axis > 2) return BadUsage("the up axis is unknown");

@@ -14,7 +14,7 @@
 namespace quarry {
 
 /// Layers of an image beside the colour, in the order of their words in a pixel.
-/// Workers leave kNoise and kSamples empty: who puts the samples together fills them in.
+/// Workers leave kNoise and kSamples empty; the master fills them in.
 enum class Aov : uint8_t {
   kDepth,
   kNormal,
@@ -137,8 +137,8 @@ struct View {
   /// Reflected and refracted rays see `background` either way. False where a background is given: it is
   /// light.
   bool backdrop = true;
-  /// Whether primary rays that hit nothing leave the picture uncovered, whatever sky is there, and nothing is
-  /// put behind it.
+  /// Whether primary rays that hit nothing, and no lamp, leave the picture uncovered, whatever sky is there,
+  /// and nothing is put behind it.
   bool transparent = false;
   CameraSpec camera;
   ViewParts parts;
@@ -164,6 +164,8 @@ inline constexpr uint32_t kMaxImageSide = 65536;
 inline constexpr uint32_t kMaxSpp = 1u << 16;
 /// Samples per pixel at most of a view that has a noise and names none.
 inline constexpr uint32_t kNoiseSpp = 4096;
+/// Samples per pixel at least of a view that has a noise: parts of it may end with 16.
+inline constexpr uint32_t kLeastNoiseSpp = 17;
 /// Limits of View::noise.
 inline constexpr double kLeastNoise = 1e-4, kMostNoise = 1;
 inline constexpr uint32_t kMaxAoSamples = 256;

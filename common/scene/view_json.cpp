@@ -462,7 +462,9 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
   j["lights"] = ordered_json::array();
   for (const Light& light : view.lights) j["lights"].push_back(ToJson(light, offset));
   j["ambient"] = ToJson(view.ambient);
-  if (!view.backdrop) j["background"] = ToJson(view.background);
+  // A transparent picture has no background, but mirrors see it.
+  if (!view.backdrop || (view.transparent && view.background != View().background))
+    j["background"] = ToJson(view.background);
   if (format.exposure) j["exposure"] = *format.exposure;
   if (format.tone) j["tonemap"] = kToneCurveNames[static_cast<size_t>(*format.tone)];
   if (view.parts.lists) j.update(PartListsToJson(*view.parts.lists));

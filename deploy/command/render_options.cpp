@@ -273,11 +273,14 @@ Status ChooseAoDistance(const RenderArguments& a, const SceneSummary& scene, Vie
   return {};
 }
 
-void SetLens(const RenderArguments& a, RenderJob& job) {
+Status SetLens(const RenderArguments& a, RenderJob& job) {
   for (CameraSpec& camera : job.cameras) {
     if (Typed(a, "--aperture")) camera.aperture = a.aperture;
     if (Typed(a, "--focus")) camera.focus = a.focus;
+    if (Typed(a, "--focus") && camera.aperture == 0)
+      return BadUsage("--focus needs a lens; give --aperture too");
   }
+  return {};
 }
 
 Status PlaceCameras(const RenderArguments& a, const SceneSummary& scene, RenderJob& job) {
@@ -363,7 +366,7 @@ Status PlaceInScene(const RenderArguments& a, const SceneSummary& scene, RenderJ
   QUARRY_TRY(CheckSunOfSky(scene, job.view));
   QUARRY_TRY(ChooseAoDistance(a, scene, job.view));
   QUARRY_TRY(PlaceCameras(a, scene, job));
-  SetLens(a, job);
+  QUARRY_TRY(SetLens(a, job));
   if (!a.has_view_file()) job.view.edges = scene.plain && job.view.mode == RenderMode::kAo;
   if (Typed(a, "--edges")) job.view.edges = a.edges;
   return NormalizeJob(job);

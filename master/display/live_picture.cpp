@@ -13,7 +13,8 @@ void LivePicture::Open(const View& view) {
   width_ = view.width;
   height_ = view.height;
   spp_ = view.spp;
-  noise_.emplace(view);
+  noise_.reset();
+  if (view.noise > 0) noise_.emplace(view);
   open_ = {view.crop};
   open_pixels_ = pixels();
   first_samples_ = 0;
@@ -87,10 +88,13 @@ void LivePicture::PutSums(const Tile& tile, std::span<const std::byte> pixels) {
   summed_ += uint64_t{tile.columns()} * tile.rows();
   if (summed_ < open_pixels_) return;
   summed_ = 0;
-  const bool stops = samples == noise_->StopAfter(samples_);
+  const bool stops = samples == StopAfter(samples_);
   samples_ = samples;
-  if (stops) PassStop();
+  if (stops && noise_) PassStop();
+  if (samples_ == spp_) open_.clear();
 }
+
+uint32_t LivePicture::StopAfter(uint32_t samples) const { return noise_ ? noise_->StopAfter(samples) : spp_; }
 
 /// Measures the noise, and ends blocks where it is low.
 void LivePicture::PassStop() {
@@ -100,10 +104,7 @@ void LivePicture::PassStop() {
   first_sums_ = sums_;
   first_samples_ = samples_;
   if (noise_->MayEnd(samples_)) noise_->End(all, samples_);
-  if (samples_ == spp_)
-    open_.clear();
-  else
-    open_ = noise_->AllOpen();
+  open_ = noise_->AllOpen();
   open_pixels_ = 0;
   for (const PixelRect& area : open_) open_pixels_ += uint64_t{area.width} * area.height;
 }
@@ -114,7 +115,7 @@ std::vector<uint32_t> LivePicture::Means(int range) const {
   const FixedRadiance* sum = sums_.data();
   for (uint32_t y = 0; y < height_; ++y)
     for (uint32_t x = 0; x < width_; ++x, sum += kColorWords)
-      for (const float channel : MeanColor(noise_->samples(x, y), range)(sum))
+      for (const float channel : MeanColor(noise_ ? noise_->samples(x, y) : samples_, range)(sum))
         words.push_back(std::bit_cast<uint32_t>(channel));
   return words;
 }

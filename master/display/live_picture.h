@@ -55,13 +55,13 @@ class LivePicture {
   uint32_t samples() const { return samples_; }
   /// The rectangles of pixels that go on. A picture has all its samples when there are none.
   const std::vector<PixelRect>& open() const { return open_; }
-  /// The number of samples after which the noise is measured next. Requires: open() is not empty.
-  uint32_t StopAfter(uint32_t samples) const { return noise_->StopAfter(samples); }
-  /// As NoiseBlocks::SetExposure().
-  void SetExposure(double ev) { noise_->SetExposure(ev); }
-  /// Whether the next stop needs SetExposure().
+  /// The number of samples after which the noise is measured next, or the view's. Requires: open() is not
+  /// empty.
+  uint32_t StopAfter(uint32_t samples) const;
+  /// Whether the next stop needs SetExposure(), which is NoiseBlocks'.
   bool needs_exposure() const { return first_samples_ > 0; }
-  /// The noise of the picture's noisiest block; 0: not measured yet.
+  void SetExposure(double ev) { noise_->SetExposure(ev); }
+  /// The noise of the picture's noisiest block; 0: not measured yet, or the view has none.
   float noise() const { return noise_ ? noise_->largest_error() : 0; }
   /// The colour as float32 means of all samples, as EncodeImage() takes them. `range`: the view's.
   /// Requires: open() is empty.
@@ -93,7 +93,7 @@ class LivePicture {
   uint32_t samples_ = 0;
   uint64_t summed_ = 0;  ///< pixels that have the newest range
   uint32_t spp_ = 1;
-  std::optional<NoiseBlocks> noise_;       ///< none before Open()
+  std::optional<NoiseBlocks> noise_;       ///< of a view that has a noise
   std::vector<FixedRadiance> first_sums_;  ///< at the last stop
   uint32_t first_samples_ = 0;
   std::vector<PixelRect> open_;

@@ -323,7 +323,7 @@ void ViewPacer::TraceSamples() {
   if (picture_.open().empty() || dispatcher_.Wants(frame_, LiveUrgency::kRest)) return;
   if (picture_.needs_exposure()) {
     if (exposure_.meter) return;  // Take() comes first
-    picture_.SetExposure(wanted_.view.noise > 0 ? exposure_.own.value_or(0) : ExposureNow());
+    picture_.SetExposure(exposure_.own.value_or(0));
   }
   uint64_t pixels = 0;
   for (const PixelRect& open : picture_.open()) pixels += uint64_t{open.width} * open.height;

@@ -17,7 +17,8 @@ constexpr uint64_t kTileBytes = 1 << 10;
 constexpr uint64_t kFrameBytes = 1 << 20, kMostTraceBytes = 24 << 20;
 constexpr uint64_t kTraceBytesPerTile = 16 << 10;
 
-/// Of sums of tiles that have a part of their samples. With noise, all tiles have sums, the last stop's too.
+/// Of sums of tiles that have a part of their samples. With noise, all tiles have sums, the last stop's too,
+/// and layers, which take no more than the encoded image that is not there yet.
 uint64_t SumsBytes(const View& view, uint64_t tiles) {
   const uint64_t of_tile = SumWords(view.aov_mask) * TileRanges::kWordBytes;
   if (NoiseBlocks::Needs(view)) return 2 * tiles * of_tile;

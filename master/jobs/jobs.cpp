@@ -124,12 +124,17 @@ std::optional<JobFrame> Jobs::Begin() {
   for (const auto& job : jobs_) {
     const size_t index = job->NextToDo();
     if (index == job->states.size()) continue;
-    if (!HasRoom(*job)) return std::nullopt;
     const bool needs_grey = NoiseBlocks::Needs(job->job.view) && !job->metered;
-    if (needs_grey && (Meter(job), !job->metered)) continue;
+    if (!needs_grey && !HasRoom(*job)) return std::nullopt;
     if (job->suspect && memory_.used() > 0) return std::nullopt;
     if (spool_ && !job->tried) spool_->NoteTry(job->id);
     job->tried = true;
+    if (needs_grey) {
+      Meter(job);
+      if (!job->metered && job->suspect) return std::nullopt;
+      if (!job->metered) continue;
+      if (!HasRoom(*job)) return std::nullopt;
+    }
     job->states[index] = Job::FrameState::kActive;
     JobFrame begun{job, index, FrameView(job->job, index), nullptr};
     begun.view.metered_ev = job->metered.value_or(0);

@@ -32,6 +32,7 @@ View MeteredView(View view) {
   view.spp = InfoOf(view.mode).bounces ? kBouncedSamples : 1;
   view.meters = InfoOf(view.mode).bounces;
   view.edges = false;
+  view.noise = 0;  // its samples are few
   view.aov_mask = 1u << static_cast<int>(Aov::kDepth) | 1u << static_cast<int>(Aov::kMaterial);
   return view;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "common/math/elementary.h"
 #include "master/pictures/exposure_meter.h"
@@ -29,16 +30,6 @@ double SquaredError(const FixedRadiance* first, const FixedRadiance* all, double
   const double share = first_samples * later_samples / (samples * samples);
   const double mean = std::max(sum / (3 * samples), least_mean);
   return squares / 3 * share / (mean * mean);
-}
-
-/// Adds a row's rectangle to one that ends above it with the same columns, or as another one.
-void AddRun(const PixelRect& run, std::vector<PixelRect>& rectangles) {
-  for (PixelRect& above : rectangles)
-    if (above.x == run.x && above.width == run.width && above.y + above.height == run.y) {
-      above.height += run.height;
-      return;
-    }
-  rectangles.push_back(run);
 }
 
 /// The bit of Block::below of a stop.
@@ -82,6 +73,7 @@ PixelRect NoiseBlocks::PixelsOf(const Range& blocks) const {
 }
 
 void NoiseBlocks::Measure(const PixelRect& area, const Sums& sums) {
+  const FixedRadiance* const first = sums.first_samples > 0 ? sums.first : sums.all;
   const Range range = BlocksOf(area, 0);
   for (uint32_t row = range.y0; row < range.y1; ++row)
     for (uint32_t column = range.x0; column < range.x1; ++column) {
@@ -92,8 +84,8 @@ void NoiseBlocks::Measure(const PixelRect& area, const Sums& sums) {
       for (uint32_t y = pixels.y; y < pixels.y + pixels.height; ++y)
         for (uint32_t x = pixels.x; x < pixels.x + pixels.width; ++x) {
           const size_t pixel = sums.stride * (size_t{y - area.y} * area.width + (x - area.x));
-          squares += SquaredError(sums.first + pixel, sums.all + pixel, sums.first_samples, sums.samples,
-                                  least_mean_);
+          squares +=
+              SquaredError(first + pixel, sums.all + pixel, sums.first_samples, sums.samples, least_mean_);
         }
       block.error = static_cast<float>(std::sqrt(squares / (double{1} * pixels.width * pixels.height)));
       block.samples = sums.samples;
@@ -138,14 +130,27 @@ std::optional<PixelRect> NoiseBlocks::Open(const PixelRect& area) const {
   return PixelsOf(open);
 }
 
+/// The blocks that go on, as runs of rows; a run that has the columns of one right above it makes that
+/// higher.
 std::vector<PixelRect> NoiseBlocks::AllOpen() const {
   std::vector<PixelRect> open;
-  for (uint32_t row = 0; row < rows_; ++row)
+  std::vector<size_t> above, here;  // of `open`: those that end at the row above; those of this row
+  for (uint32_t row = 0; row < rows_; ++row) {
     for (uint32_t column = 0; column < columns_; ++column) {
       const uint32_t first = column;
       while (column < columns_ && !Of(column, row).ended) ++column;
-      if (column > first) AddRun(PixelsOf({first, row, column, row + 1}), open);
+      if (column == first) continue;
+      const PixelRect run = PixelsOf({first, row, column, row + 1});
+      const auto same = std::ranges::find_if(
+          above, [&](size_t i) { return open[i].x == run.x && open[i].width == run.width; });
+      here.push_back(same == above.end() ? open.size() : *same);
+      if (same == above.end())
+        open.push_back(run);
+      else
+        open[*same].height += run.height;
     }
+    above = std::exchange(here, {});
+  }
   return open;
 }
 

@@ -11,13 +11,14 @@
 namespace quarry {
 
 /// The blocks of a picture that end when their noise is low, and the noise of each.
-/// Samples are looked at in stops: at 8, 16, 32, 64 ... samples, and at the view's last. A block's error is
-/// the relative standard error of its pixels (root mean square), estimated from the sums of two parts of the
-/// samples, those before the last stop and those after it. A pixel darker than a sixteenth of the metered
-/// grey counts as bright as that. From 16 samples on, a block ends once its error and those of its eight
-/// neighbours are below View::noise; a neighbour that has ended counts as below. All this depends on exact
-/// sums alone: not on the order of Measure() and End(). The estimate from two parts of the samples is that of
-/// Dammertz et al. 2010, section 3. Units: pixels of the view. Not thread-safe.
+/// Samples are looked at in stops: at 8, 16, 32, 64 ... samples, and at the view's last; of a view with less
+/// than 16, at half of them and at all. A block's error is the relative standard error of its pixels (root
+/// mean square), estimated from the sums of two parts of the samples, those before the last stop and those
+/// after it. A pixel darker than a sixteenth of the metered grey counts as bright as that. From 16 samples
+/// on, a block ends once its error and those of its eight neighbours are below View::noise; a neighbour that
+/// has ended counts as below. All this depends on exact sums alone: not on the order of Measure() and End().
+/// The estimate from two parts of the samples is that of Dammertz et al. 2010, section 3. Units: pixels of
+/// the view. Not thread-safe.
 class NoiseBlocks {
  public:
   static constexpr uint32_t kSide = 16;          ///< of a block, pixels

@@ -21,18 +21,18 @@ namespace quarry {
 /// its later ranges are of the rectangle around its blocks that go on. Units: seconds. Not thread-safe.
 class TileRanges {
  public:
-  /// Limit of tiles that come in ranges at a time; others are rendered whole meanwhile. A live worker
-  /// goes on with its own tile first, so that there are few. Bounds memory: a tile's sums take kWordBytes for each of SumWords().
+  /// Without a noise: the limit of tiles that come in ranges at a time; others are rendered whole meanwhile.
+  /// A live worker goes on with its own tile first, so that there are few. Bounds memory: a tile's sums take
+  /// kWordBytes for each of SumWords().
   static constexpr size_t kMostBegun = 4096;
   static constexpr uint64_t kWordBytes = sizeof(FixedRadiance) * kTileSize * kTileSize;
 
   /// `tiles`: the frame's. They outlive this.
   TileRanges(const View& view, std::span<const PixelRect> tiles);
 
-  /// The part to render next: the whole tile, or a range of its samples. A tile that has been given a range
-  /// comes in ranges from then on. `pixels`: the tile's. `sample_s`: expected time of a sample of all of
-  /// them.
-  /// Requires: the tile is not done and does not wait.
+  /// The part to render next: the whole tile, or a range of its samples, with noise always a range. A tile
+  /// that has been given a range comes in ranges from then on. `sample_s`: expected time of a sample of all
+  /// its pixels. Requires: the tile is not done and does not wait.
   Tile Next(uint32_t tile, double sample_s);
   /// Whether the tile waits for samples of its neighbours.
   bool waits(uint32_t tile) const { return waiting_.contains(tile); }

@@ -134,7 +134,7 @@ test('a wish for the noise ends the picture, which is the job\'s, and the page s
   const wished = await viewOf(page);
   assert.deepEqual([wished.noise, wished.spp], [0.2, 4096]);
   await checkExact(page);
-  await page.waitForFunction(() => /^exact · noise [\d.]+ %, wanted 20 %$/.test(document.getElementById('status').innerText.trim()), null, { timeout: 5000 });
+  await page.waitForFunction(() => /^exact · noise [\d.]+ %, wanted 20 %$/.test(document.getElementById('status-text').textContent), null, { timeout: 5000 });
   assert.equal(await page.innerText('#spp-name'), 'Samples a pixel at most');
   await shoot(page, 'noise');
   await page.waitForFunction(() => location.hash.includes('noise=0.2'));

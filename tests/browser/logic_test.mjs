@@ -125,9 +125,10 @@ test('a link holds hidden parts, colours and the section; other text in it is ig
   const lit = { ...home, environment: { name: 'sunset, late', turn: 40, strength: 0.5 } };
   assert.deepEqual(fromFragment(toFragment(lit, home), home, ['ao']), lit);
   assert.deepEqual(fromFragment('#environment={"name":"x","turn":"far"}', home, ['ao']), home);
-  const smooth = { ...home, noise: 0.05 };
+  const smooth = { ...home, noise: 0.05, spp: 4096 };
   assert.deepEqual(fromFragment(toFragment(smooth, home), home, ['ao']), smooth);
   assert.deepEqual(fromFragment(toFragment(home, smooth), smooth, ['ao']), home);
+  assert.deepEqual(fromFragment('#noise=0.05', home, ['ao']), smooth);
   for (const noise of ['0', '2', 'low', '-1']) assert.deepEqual(fromFragment(`#noise=${noise}`, home, ['ao']), home);
   assert.deepEqual(fromFragment('#hide=[1]&only=x&section={}&tone=loud', home, ['ao']), home);
   assert.deepEqual(checkedInside({ ...home, only: [], hide: [] }).dropped, ['only']);

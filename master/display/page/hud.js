@@ -1,6 +1,6 @@
 // The line that describes the picture, and the details below it.
 
-import { describe, percent } from './frame.js';
+import { describe } from './frame.js';
 import { bytes, compact, fillList, milliseconds, shown } from './formats.js';
 
 const $ = (id) => document.getElementById(id);
@@ -84,7 +84,7 @@ export class Hud {
       ['Model', scene && `${shown(scene.name)}, ${compact(scene.triangles)} triangles, ${compact(scene.voxels)} voxels`],
       ['Connection', CONNECTIONS[this.connection]],
       ['Latency', `${milliseconds(this.picture.latency ?? NaN)}: ${split}`],
-      ['Picture', header && `${header.size.join(' × ')}, ${header.samples} of ${header.spp} samples${header.noise > 0 ? `, noise ${percent(header.noise)}` : ''}`],
+      ['Picture', header && `${header.size.join(' × ')}, ${header.samples} of ${header.spp} samples`],
       ['Pixels', header && `${Math.floor(header.traced * 100)} % traced${header.waiting > 0 ? `, ${header.waiting.toLocaleString('en')} wait for data` : ''}`],
       ['Exposure', header && Number.isFinite(header.exposure) ? `${header.exposure.toFixed(2)} EV` : null],
       ['Light', this.live.lightNames],

@@ -4,12 +4,12 @@ import { isOrthographic } from './camera.js';
 import { hexToRadiance, radianceToHex } from './colours.js';
 import { element, shown } from './formats.js';
 import { percent } from './frame.js';
-import { environmentOf, skyOf } from './view_state.js';
+import { LEAST_NOISE_SPP, NOISE_SPP, environmentOf, skyOf } from './view_state.js';
 
 const $ = (id) => document.getElementById(id);
 const SAMPLES = [1, 2, 4, 8, 16, 32, 64, 128, 256];
-/// Wishes for the noise, and the limit of samples that goes with one.
-const NOISES = [0.2, 0.1, 0.05, 0.02, 0.01], NOISE_SPP = 4096;
+/// Wishes for the noise.
+const NOISES = [0.2, 0.1, 0.05, 0.02, 0.01];
 /// A slider counts as moving this long after its last step.
 const SLIDER_MS = 200;
 /// Controls of settings: id, name, how to read it, how to write its value out.
@@ -170,10 +170,8 @@ export class Panel {
     $('noise').replaceChildren(element('option', { value: '' }, 'By the samples'), ...noises.map((n) => element('option', { value: String(n) }, `Below ${percent(n)}`)));
     $('noise').value = noise ? String(noise) : '';
     $('spp-name').textContent = noise ? 'Samples a pixel at most' : 'Samples a pixel';
-    const counts = [...new Set([...SAMPLES, spp])].filter(Number.isFinite).sort((a, b) => a - b);
-    if ($('spp').children.length !== counts.length) {
-      $('spp').replaceChildren(...counts.map((n) => element('option', { value: String(n) }, String(n))));
-    }
+    const counts = [...new Set([...SAMPLES, spp, ...(noise ? [NOISE_SPP] : [])])].filter((n) => Number.isFinite(n) && (!noise || n >= LEAST_NOISE_SPP)).sort((a, b) => a - b);
+    $('spp').replaceChildren(...counts.map((n) => element('option', { value: String(n) }, String(n))));
     $('spp').value = String(spp);
   }
 

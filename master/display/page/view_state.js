@@ -14,6 +14,8 @@ const DEFAULT_FOV = 45;
 /// Members by which a view looks inside the model.
 export const INSIDE = ['hide', 'only', 'colors', 'section'];
 const MOST_TURN = 3600, MOST_STRENGTH = 1e6, MOST_FOV = 179, MOST_SPP = 65536, MOST_EV = 100, LEAST_NOISE = 1e-4;
+/// Of a view with a noise: the fewest samples, and the limit of one that names none or too few.
+export const LEAST_NOISE_SPP = 17, NOISE_SPP = 4096;
 
 /// The members of the server's default view that the page shows and sends. Lights and the like are left out: the server
 /// uses its own values for missing members, and a scene's lights could be longer than a message.
@@ -97,6 +99,7 @@ export function fromFragment(fragment, defaults, modes) {
   const noise = numbers(given.get('noise'), 1, LEAST_NOISE)?.[0];
   if (given.get('noise') === 'no') delete view.noise;
   else if (noise <= 1) view.noise = noise;
+  if (view.noise && !(view.spp >= LEAST_NOISE_SPP)) view.spp = NOISE_SPP;
   const exposure = numbers(given.get('ev'), 1)?.[0];
   if (given.get('ev') === 'auto') delete view.exposure;
   else if (exposure !== undefined && Math.abs(exposure) <= MOST_EV) view.exposure = exposure;

@@ -59,7 +59,8 @@ class Film(Case):
         for distance, focus, aperture in ((20, 10, 1), (5, 10, 1), (10, 10, 1), (20, 10, 0)):
             with self.subTest(distance=distance, focus=focus, aperture=aperture):
                 scene = self.wall(f"w{distance}-{aperture}", distance)
-                exr = read_exr(self.render("e.exr", scene, *CAMERA, "--mode", "raycast", "--spp", 256, "--aperture", aperture, "--focus", focus))
+                lens = ["--aperture", aperture, "--focus", focus] if aperture else []
+                exr = read_exr(self.render("e.exr", scene, *CAMERA, "--mode", "raycast", "--spp", 256, *lens))
                 blur = aperture / 2 * abs(1 / focus - 1 / distance)  # half of it, at distance 1
                 for x in range(100):
                     places = [(x + (i + 0.5) / 64 - 50) * PIXEL for i in range(64)]
@@ -79,7 +80,7 @@ class Film(Case):
         for lens in (["--aperture", 4], ["--aperture", 4, "--ortho", 60]):
             view = [scene, "--size", "128x96", "--mode", "path", "--spp", 8, "--bounces", 2, *lens, "--view", "iso"]
             reference = pathlib.Path(self.render("r.exr", *view, "--threads", 1)).read_bytes()
-            self.assertNotEqual(reference, pathlib.Path(self.render("p.exr", *view, "--aperture", 0)).read_bytes())
+            self.assertNotEqual(reference, pathlib.Path(self.render("p.exr", *view[:-4 if len(lens) == 2 else -6], *lens[2:], "--view", "iso")).read_bytes())
             for more in (["--workers", 2, "--threads", 2], ["--cache", largest]):
                 self.assertEqual(pathlib.Path(self.render("c.exr", *view, *more)).read_bytes(), reference, more)
             self.render("v.exr", *view, "--write-view", self.path("v.json"))
@@ -90,7 +91,7 @@ class Film(Case):
         for light in (["--sky", 3, "--sun=0.2,-1,0.5"], ["--mode", "ao"], ["--mode", "whitted", "--lights", self.path("lights.json")]):
             with self.subTest(light=light):
                 pathlib.Path(self.path("lights.json")).write_text('{"lights": [], "ambient": [1, 1, 1], "background": [3, 2, 1]}')
-                view = [scene, *CAMERA, "--spp", 16, "--transparent", "--exposure", 0, *(["--mode", "path"] if "--mode" not in light else []), *light]
+                view = [scene, *CAMERA, "--spp", 16, "--transparent", "--up-axis", "z", "--exposure", 0, *(["--mode", "path"] if "--mode" not in light else []), *light]
                 exr = read_exr(self.render("t.exr", *[v for v in view if v not in ("--exposure", 0)]))
                 self.assertEqual(exr.at("RGBA", 80, 30), (0, 0, 0, 0))
                 self.assertEqual(exr.at("A", 20, 30), (1,))
@@ -139,6 +140,7 @@ class Film(Case):
 
     def test_bad_input(self):
         scene = self.wall("b", 10)
+        self.must_fail(2, "--focus needs a lens", "quarry", "render", scene, "-o", self.path("b.png"), "--focus", 3)
         for option, value in (("--aperture", "-1"), ("--aperture", "nan"), ("--focus", "-2"), ("--focus", "inf")):
             with self.subTest(option=option, value=value):
                 self.must_fail(2, option, "quarry", "render", scene, "-o", self.path("b.png"), f"{option}={value}")

@@ -111,11 +111,11 @@ class Noise(Case):
     def test_other_modes_and_few_samples(self):
         scene = self.store("plant", 2000)
         output = self.path("a.exr")
-        for more in (["--mode", "ao", "--spp", 64, "--noise", 0.3], ["--mode", "raycast", "--spp", 2, "--noise", 0.5]):
+        for more in (["--mode", "ao", "--spp", 64, "--noise", 0.3], ["--mode", "raycast", "--spp", 17, "--noise", 0.5]):
             with self.subTest(more=more):
                 self.must("quarry", "render", scene, "-o", output, "--quiet", "--size", "64x48", *more, "--aov", "depth,samples,noise")
                 samples = {n for row in read_exr(output).rows["samples.n"] for n in row}
-                self.assertLessEqual(samples, {2, 16, 32, 64})
+                self.assertLessEqual(samples, {16, 17, 32, 64})
         self.must("quarry", "render", scene, "-o", output, "--quiet", "--size", "64x48", "--spp", 1, "--aov", "samples")
         self.assertEqual({n for row in read_exr(output).rows["samples.n"] for n in row}, {1})
         said = self.must("quarry", "render", scene, "-o", output, "--size", "64x48", *VIEW, "--noise", 0.2).stderr
@@ -126,6 +126,7 @@ class Noise(Case):
         for noise in ("0", "-1", "2", "nan", "inf", "much", "1e-9"):
             with self.subTest(noise):
                 self.must_fail(2, "--noise", "quarry", "render", scene, "-o", output, *VIEW, f"--noise={noise}")
+        self.must_fail(2, "--noise needs at least 17 samples a pixel", "quarry", "render", scene, "-o", output, "--spp", 16, "--noise", 0.1)
         self.must_fail(2, "the layer noise needs at least 2 samples", "quarry", "render", scene, "-o", output, "--spp", 1, "--aov", "noise")
         for value in ("0", "2", '"low"', "[]"):
             with self.subTest(value):

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -35,7 +36,7 @@ class AlbedoTables {
   static constexpr uint32_t kFull = kIndices;
   AlbedoTables();
   float At(uint32_t table, float cosine, float roughness) const {
-    return ShareOfTable(&shares_[size_t{table} * kSide * kSide], kSide, cosine, roughness);
+    return ShareOfTable(&shares_[std::size_t{table} * kSide * kSide], kSide, cosine, roughness);
   }
 
   std::vector<float> shares_;  ///< by table, roughness and direction

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/engine/integrators/path/path_lights.h"
 #include "common/engine/surfaces/surface.h"
 #include "common/math/elementary.h"
 
@@ -14,10 +15,10 @@ namespace {
 constexpr int kBrightest = 14;
 
 /// The radiance of a light that the eye can see, else 0. Units: as Light::radiance.
-double SeenRadiance(const Light& light) {
+double SeenRadiance(const Light& light, const SceneMeta& scene) {
   if (light.kind == LightKind::kRectangle) return static_cast<double>(Largest(light.radiance));
-  if (light.kind == LightKind::kPoint && light.radius > 0)
-    return static_cast<double>(Largest(light.radiance)) / (static_cast<double>(light.radius) * light.radius);
+  if (const auto radius = static_cast<double>(SphereRadius(light, scene)); radius > 0)
+    return static_cast<double>(Largest(light.radiance)) / (radius * radius);
   if (light.kind != LightKind::kSun || light.angle == 0) return 0;
   double sine = 0, cosine = 1;
   SinCos(static_cast<double>(light.angle) * std::numbers::pi / 720, sine, cosine);
@@ -29,7 +30,7 @@ double SeenRadiance(const Light& light) {
 int RangeOf(const View& view, const Catalog& scene, const SkyTable* environment) {
   if (!InfoOf(view.mode).bounces) return 0;
   double brightest = 0;
-  for (const Light& light : view.lights) brightest = std::max(brightest, SeenRadiance(light));
+  for (const Light& light : view.lights) brightest = std::max(brightest, SeenRadiance(light, scene.meta));
   for (const Material& material : scene.materials)
     if (!material.unlit) brightest = std::max(brightest, static_cast<double>(Largest(material.emission)));
   if (environment && view.environment.shines())

@@ -107,6 +107,12 @@ double PowerOf(const Light& light, double area, double radius) {
 
 }  // namespace
 
+float SphereRadius(const Light& light, const SceneMeta& scene) {
+  constexpr float kLeast = 1e-6f;
+  const float size = Largest(scene.bounds_upper - scene.bounds_lower);
+  return light.kind == LightKind::kPoint && light.radius > kLeast * size ? light.radius : 0.0f;
+}
+
 PathLights::Entry PathLights::EntryOf(const Light& light) {
   Entry entry;
   entry.light = &light;
@@ -119,8 +125,7 @@ PathLights::Entry PathLights::EntryOf(const Light& light) {
     entry.disc_density = static_cast<float>(1 / solid);
     entry.disc = light.radiance * static_cast<float>(kPi / solid);
   }
-  if (light.kind == LightKind::kPoint && light.radius > 0)
-    entry.sphere = light.radiance / (light.radius * light.radius);
+  if (light.radius > 0) entry.sphere = light.radiance / (light.radius * light.radius);
   if (light.kind == LightKind::kRectangle) {
     const glm::dvec3 cross = glm::cross(glm::dvec3(light.edges[0]), glm::dvec3(light.edges[1]));
     const double area = std::sqrt(glm::dot(cross, cross));
@@ -142,6 +147,7 @@ PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
     entries_.push_back(entry);
     powers.push_back(power);
   };
+  for (Light& light : lights_) light.radius = SphereRadius(light, meta);
   for (const Light& light : lights_) {
     const Entry entry = EntryOf(light);
     add(entry, PowerOf(light, static_cast<double>(entry.area), radius));
@@ -324,9 +330,11 @@ glm::vec3 PathLights::OfRectangle(const Entry& entry, const glm::vec3& origin, c
 glm::vec3 PathLights::OfSphere(const Entry& entry, const glm::vec3& origin, const glm::vec3& direction,
                                float begin, float end, float density) const {
   const std::optional<float> t = DistanceTo(*entry.light, origin, direction);
+  if (!t || !(*t > begin) || !(*t < end)) return glm::vec3(0);
+  const glm::vec3 light = entry.sphere * ConeShare(*entry.light, direction);
+  if (!(density > 0)) return light;  // the origin may have been moved along the ray, into the sphere
   const SphereCap cap = CapOf(*entry.light, origin);
-  if (!t || !(*t > begin) || !(*t < end) || !(cap.height > 0)) return glm::vec3(0);
-  return entry.sphere * ConeShare(*entry.light, direction) * MetShare(density, entry.chance * cap.density());
+  return cap.height > 0 ? light * MetShare(density, entry.chance * cap.density()) : glm::vec3(0);
 }
 
 glm::vec3 PathLights::Discs(const glm::vec3& direction, float density) const {

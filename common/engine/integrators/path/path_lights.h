@@ -18,6 +18,10 @@ namespace quarry {
 /// for tests.
 enum class LightWays { kBoth, kAsked, kMet };
 
+/// The radius of the sphere that a light is; 0: it is none, or smaller than a millionth of the scene, which
+/// is a point. Thread-safe.
+float SphereRadius(const Light& light, const SceneMeta& scene);
+
 /// The lights of a view for mode `path`: suns with discs, points and spots, which may be spheres, rectangles,
 /// the sky or the environment, and the scene's table of emitters. Emitters that the view hides, colours or
 /// cuts off are left out. A vertex asks for one light, which it chooses by power and evenly, by halves; paths

@@ -75,7 +75,7 @@ PathBsdf::Sample RoughGlass::SampleDirection(const glm::vec2& u, float choice) c
   const bool mirrors = choice < FresnelOf(glm::dot(view_, facet), index_);
   const glm::vec3 light = mirrors ? MirroredAt(facet, view_) : RefractedAt(facet, view_, index_);
   const glm::vec3 world = Unit(tangent_ * light.x + bitangent_ * light.y + normal_ * light.z);
-  if (mirrors != light.z > 0) return {};
+  if (mirrors != (light.z > 0)) return {};
   const PathBsdf::Scattered all = Toward(world);
   if (!(all.density > 0)) return {};
   return {world, all.weight / all.density, all.density, alpha_};

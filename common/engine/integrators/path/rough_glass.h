@@ -15,10 +15,13 @@ namespace quarry {
 /// Immutable, so thread-safe. Source: Walter et al. 2007, sections 4 and 5; Turquin 2019 for the scale.
 class RoughGlass {
  public:
-  /// Whether a surface's glass has this, and not ThroughGlass(): it has a thickness and is rough.
+  /// Whether a surface has this, and not ThroughGlass(): glass that has a thickness, is rough, and bends
+  /// light. Glass with the weights of Whitted's rays is smooth: its roughness is that of its highlights.
   static bool Is(const SurfaceProperties& properties) {
+    constexpr float kLeastIndex = 1.2f;  // below it GlassTable is too coarse
     const float roughness = properties.specular_roughness;
-    return properties.ior > 1 && roughness * roughness >= PathBsdf::kLeastAlpha;
+    return properties.is_open_pbr && properties.ior > 1 && properties.specular_ior >= kLeastIndex &&
+           roughness * roughness >= PathBsdf::kLeastAlpha;
   }
   RoughGlass(const SurfaceProperties& properties, const Surface& surface);
 

@@ -112,7 +112,9 @@ TEST_CASE("An EXR holds every word of the crop, by name") {
                                                        {"voxel.id"},
                                                        {"albedo.R"},
                                                        {"albedo.G"},
-                                                       {"albedo.B"}};
+                                                       {"albedo.B"},
+                                                       {"noise.E"},
+                                                       {"samples.n"}};
   const auto channels = static_cast<size_t>(spec.nchannels);
   REQUIRE(channels == names.size() + 4);
   for (size_t word = 0; word < names.size(); ++word)
