@@ -104,7 +104,8 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
       ->check(RealNumber(-100, 100));
   c.add_option("--tonemap", a.tonemap,
                "How bright values of PNGs end: clip, or film, which rolls them off (default: film in path)");
-  c.add_option("--aov", a.aov, "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo,noise,samples");
+  c.add_option("--aov", a.aov,
+               "Layers of EXRs: depth,normal,uv,primitive,material,part,voxel,albedo,noise,samples");
 }
 
 }  // namespace
