@@ -14,7 +14,10 @@ void LivePicture::Open(const View& view) {
   height_ = view.height;
   spp_ = view.spp;
   noise_.reset();
-  if (view.noise > 0) noise_.emplace(view);
+  if (view.noise > 0)
+    noise_.emplace(view);
+  else
+    first_sums_ = {};
   open_ = {view.crop};
   open_pixels_ = pixels();
   first_samples_ = 0;

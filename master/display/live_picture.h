@@ -28,8 +28,9 @@ struct PictureRows {
 class LivePicture {
  public:
   /// Bytes that a pixel takes here, with sums and two copies of rows.
-  static constexpr uint64_t kPixelBytes =
-      3 * (sizeof(uint32_t) + 1) + 2 * kColorWords * sizeof(FixedRadiance);
+  static constexpr uint64_t kPixelBytes = 3 * (sizeof(uint32_t) + 1) + kColorWords * sizeof(FixedRadiance);
+  /// Bytes more of one of a view with a noise.
+  static constexpr uint64_t kNoiseBytes = kColorWords * sizeof(FixedRadiance);
   /// Number of rows that are sent together: a multiple of a JPEG's blocks.
   static constexpr uint32_t kBandRows = 32;
 

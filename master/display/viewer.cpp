@@ -265,7 +265,7 @@ void Viewer::OnSave(SaveMessage message) {
 Status Viewer::OnView(WantedView wanted) {
   const uint64_t pixels = uint64_t{wanted.view.width} * wanted.view.height;
   ViewMemory& memory = site_.memory;
-  if (!memory.Fits(pixels, taken_))
+  if (!memory.Fits(pixels, ViewMemory::BytesOf(pixels, wanted.view.noise > 0), taken_))
     return Fail(fmt::format(
         "there is no memory for another view of this size: all views together may take {} (--view-memory)",
         FormatSize(memory.most)));
@@ -275,15 +275,20 @@ Status Viewer::OnView(WantedView wanted) {
     return Refuse(known.error().message), Status{};
   wanted.view.range = RangeOf(wanted.view, site_.scene.catalog(), site_.environments->TableOf(wanted.view));
   memory.largest = std::max(memory.largest, pixels);
-  Charge(std::max(pixels, pacer_.held_pixels()));
+  Charge(BytesWith(wanted.view));
   newest_ = wanted.view;
   pacer_.Want(std::move(wanted), site_.now());
   return {};
 }
 
-/// Takes memory for a number of pixels, or returns memory.
-void Viewer::Charge(uint64_t pixels) {
-  const uint64_t bytes = pixels * ViewMemory::kPixelBytes;
+/// Bytes of the newest view, and of the one before it while that is held.
+uint64_t Viewer::BytesWith(const View& newest) const {
+  const bool noise = newest.noise > 0 || (pacer_.current() && pacer_.current()->view.noise > 0);
+  return ViewMemory::BytesOf(std::max(uint64_t{newest.width} * newest.height, pacer_.held_pixels()), noise);
+}
+
+/// Takes or returns memory, so that this viewer has `bytes`.
+void Viewer::Charge(uint64_t bytes) {
   site_.memory.taken += bytes - taken_;
   taken_ = bytes;
 }
@@ -326,7 +331,7 @@ void Viewer::Take(const LiveTile& tile, std::span<const std::byte> pixels) {
 void Viewer::Advance() {
   if (gone_) return;
   while (auto due = pacer_.Step(site_.now())) due_.push_back(std::move(*due));
-  if (newest_) Charge(std::max(uint64_t{newest_->width} * newest_->height, pacer_.held_pixels()));
+  if (newest_) Charge(BytesWith(*newest_));
   EncodeNext();
   site_.assign_soon();
   constexpr double kLongest = 3600;

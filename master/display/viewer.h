@@ -35,10 +35,14 @@ struct ViewMemory {
   /// pending frames, as PNGs that do not compress. Bytes of the encoder for a pixel of the largest view.
   static constexpr uint64_t kPixelBytes = LivePicture::kPixelBytes + kColorWords * 4 + 2 * 4,
                             kEncoderBytes = 24;
+  /// Bytes for the pixels of a view; `noise`: it has one, or the view before it has.
+  static uint64_t BytesOf(uint64_t pixels, bool noise) {
+    return pixels * (kPixelBytes + (noise ? LivePicture::kNoiseBytes : 0));
+  }
   uint64_t most_pixels() const { return most / (kPixelBytes + kEncoderBytes); }
-  /// Whether a view of `pixels` has room; `own`: bytes that its viewer has now.
-  bool Fits(uint64_t pixels, uint64_t own) const {
-    return taken - own + pixels * kPixelBytes + std::max(largest, pixels) * kEncoderBytes <= most;
+  /// Whether a view of `pixels` that takes `bytes` has room; `own`: bytes that its viewer has now.
+  bool Fits(uint64_t pixels, uint64_t bytes, uint64_t own) const {
+    return taken - own + bytes + std::max(largest, pixels) * kEncoderBytes <= most;
   }
 };
 
@@ -93,7 +97,8 @@ class Viewer : public std::enable_shared_from_this<Viewer> {
   void OnText(const std::string& text);
   Status OnMessage(const std::string& text);
   Status OnView(WantedView wanted);
-  void Charge(uint64_t pixels);
+  uint64_t BytesWith(const View& newest) const;
+  void Charge(uint64_t bytes);
   void OnSettings(const SettingsMessage& message);
   void OnAck(uint64_t frame);
   void OnPick(const PickMessage& pick);
