@@ -82,7 +82,7 @@ class Camera {
   /// Whether the camera has a lens, so that rays start all over it.
   bool has_lens() const { return lens_radius_ > 0; }
   /// The ray at (x, y) from a point of the lens to where Shoot(x, y) meets the plane of focus. `across`,
-  /// `down`: the point, as a share of the lens's radius. Source: Cook et al. 1984, section 4 (the thin lens).
+  /// `down`: the point, as a share of the lens's radius. Source: Cook et al. 1984 (depth of field).
   PrimaryRay ShootThrough(double x, double y, double across, double down) const;
 
  private:

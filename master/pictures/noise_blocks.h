@@ -17,7 +17,7 @@ namespace quarry {
 /// after it. A pixel darker than a sixteenth of the metered grey counts as bright as that. From 16 samples
 /// on, a block ends once its error and those of its eight neighbours are below View::noise; a neighbour that
 /// has ended counts as below. All this depends on exact sums alone: not on the order of Measure() and End().
-/// The estimate from two parts of the samples is that of Dammertz et al. 2010, section 3. Units: pixels of
+/// The estimate from two parts of the samples is that of Dammertz et al. 2010. Units: pixels of
 /// the view. Not thread-safe.
 class NoiseBlocks {
  public:

@@ -470,6 +470,47 @@ TEST_CASE("A frame of a job that may have ended a master is rendered alone", "[j
   CHECK(office.BeginAll().size() == 2);
 }
 
+TEST_CASE("A job with a noise is tried, then metered, and begins with what its meter saw", "[jobs]") {
+  const auto noisy = [] {
+    RenderJob job = Walk(2);
+    job.view.noise = 0.1;
+    job.view.spp = 64;
+    job.format.exposure = -2;  // of its PNGs alone
+    REQUIRE(NormalizeJob(job).has_value());
+    return job;
+  };
+  for (const bool suspect : {false, true}) {
+    Office office;
+    office.meters_at_once = false;
+    const auto client = std::make_shared<Client>();
+    REQUIRE(office.Ask(client, noisy()).has_value());
+    RenderJob other = Walk(1, 100);
+    other.format.name = "exr";  // it needs no meter
+    REQUIRE(office.Ask(client, other).has_value());
+    const auto job = office.jobs.all()[0];
+    job->tried = false;
+    job->suspect = suspect;
+    // Others begin meanwhile, unless the job may have ended a master: its meter may do so again.
+    REQUIRE(office.metered == 0);
+    auto others = office.BeginAll();
+    CHECK(others.size() == (suspect ? 0 : 1));
+    CHECK(job->tried);
+    CHECK(job->NextToDo() == 0);
+    CHECK(office.jobs.AwaitsExposure(job->id) == job);
+    const int work = office.work;
+    others.clear();
+    REQUIRE(office.metered == 1);
+    office.metered_later(0.75);
+    CHECK(office.work == work + 1);
+    CHECK_FALSE(office.jobs.AwaitsExposure(job->id));
+    auto frame = office.jobs.Begin();
+    REQUIRE(frame);
+    CHECK(frame->job == job);
+    CHECK(frame->view.metered_ev == 0.75);
+    CHECK(job->ev == -2);
+  }
+}
+
 TEST_CASE("A job that may have ended a master waits until no other frame is being rendered", "[jobs]") {
   Office office;
   const auto client = std::make_shared<Client>();
