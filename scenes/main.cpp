@@ -102,6 +102,12 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
                      "Seed of random numbers: each gives another scene of the kind")
         ->check(WholeNumber(0, std::numeric_limits<uint64_t>::max()))
         ->capture_default_str();
+    if (kind == "plant")
+      scene
+          ->add_option("--lamps", arguments.options.lamps,
+                       "Tubes that shine, at most a quarter of the triangles")
+          ->check(WholeNumber(0, kMostTriangles / 4))
+          ->capture_default_str();
     scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
     scene->add_flag("--force", arguments.force, "Replace files of other kinds too");
     scene->add_flag("!--no-colors", arguments.options.colors, "Positions, materials and parts only");
@@ -115,6 +121,9 @@ int Run(const Arguments& arguments) {
   CatchSignals();
   Progress progress(arguments.quiet);
   Status written = CheckSceneOutputs(arguments.output, arguments.force);
+  if (arguments.options.lamps > arguments.options.triangles / 4)
+    written = BadUsage(fmt::format("--lamps must be at most a quarter of the triangles, {}",
+                                   arguments.options.triangles / 4));
   if (written) {
     const auto scene = MakeScene(arguments.kind, arguments.options);
     written = WriteScene(*scene, arguments.options, arguments.output, std::ref(progress));

@@ -20,6 +20,8 @@ struct SceneOptions {
   uint64_t triangles = 1000000;
   uint64_t seed = 1;
   bool colors = true;  ///< of vertices
+  /// Of a plant: tubes that shine, two of its triangles each. Requires: at most a quarter of `triangles`.
+  uint64_t lamps = 0;
 };
 
 /// A procedural scene: a pure function of its options. z is up, units are metres.

@@ -1,5 +1,7 @@
 #include "scenes/plant/plant.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -72,18 +74,25 @@ class PowerPlant : public Scene {
     materials[kPane].transmittance = vec3(0.86f, 0.92f, 0.90f);
     materials[kPane].ior = 1.5f;
     materials[kPane].fresnel = true;
+    if (options_.lamps == 0) return materials;
+    Material& tube = materials.emplace_back();
+    tube.name = "tube";
+    tube.emission = vec3(60, 55, 45);
     return materials;
   }
 
   void Draw(Builder& builder) const override {
-    const double n = static_cast<double>(options_.triangles);
+    DrawLamps(builder);
+    const double of_lamps = 2 * static_cast<double>(options_.lamps);
+    const double n = static_cast<double>(options_.triangles) - of_lamps;
     Plant plant{builder, options_.seed, n, std::max(13.0, 115 * std::pow(n / 1e6, 0.36))};
     const double smallness = std::pow(1000.0 / n, 0.3);
     double share = 0;
     for (const Stage& stage : kStages) {
       share += stage.large + smallness * (stage.small - stage.large);
       const bool last = &stage == &kStages.back();
-      stage.draw(plant, Budget(builder, last ? options_.triangles : static_cast<uint64_t>(share * n)));
+      stage.draw(plant,
+                 Budget(builder, last ? options_.triangles : static_cast<uint64_t>(of_lamps + share * n)));
     }
   }
 
@@ -109,6 +118,25 @@ class PowerPlant : public Scene {
   }
 
  private:
+  /// Tubes below the ceilings of all levels, each a strip that shines to both sides.
+  void DrawLamps(Builder& builder) const {
+    constexpr float kLength = 1.2f, kWidth = 0.1f;
+    for (uint64_t i = 0; i < options_.lamps; ++i) {
+      Random random(options_.seed, 70, i, 0);
+      const vec3 corner(random.Uniform(0.5f, kSizeX - 2), random.Uniform(0.5f, kSizeY - 2),
+                        kLevel * (static_cast<float>(i % kLevels) + 1) - random.Uniform(0.6f, 1.6f));
+      const bool turned = random.Chance(0.5f);
+      const vec3 along = (turned ? vec3(0, 1, 0) : vec3(1, 0, 0)) * kLength;
+      const vec3 across = (turned ? vec3(1, 0, 0) : vec3(0, 1, 0)) * kWidth;
+      builder.Part(fmt::format("tube {}", i));
+      builder.Use(kPlantMaterials);
+      builder.BeginShape();
+      const uint32_t a = builder.Vertex(corner), b = builder.Vertex(corner + along);
+      const uint32_t c = builder.Vertex(corner + along + across), d = builder.Vertex(corner + across);
+      builder.Quad(a, b, c, d);
+    }
+  }
+
   SceneOptions options_;
 };
 

@@ -224,7 +224,7 @@ TEST_CASE("Directions of paths and lights follow their densities", "[reference][
   const PathLights lights(view, scene);
   const double solid = 2 * kPi * (1 - std::cos(kPi / 6));
   const auto draw = [&]() -> std::optional<glm::vec3> {
-    return lights.Toward(glm::vec3(0), {number(), number()}, {number(), number()}).direction;
+    return lights.Toward({}, {number(), number()}, {number(), number()}).direction;
   };
   const auto within = [&](const glm::vec3& d) {
     return glm::dot(d, sun.vector) > std::cos(static_cast<float>(kPi) / 6) ? 1 / solid : 0.0;
@@ -237,7 +237,7 @@ TEST_CASE("Directions of paths and lights follow their densities", "[reference][
   view.lights = {sphere};
   const PathLights spheres(view, scene);
   const auto draw_sphere = [&]() -> std::optional<glm::vec3> {
-    const PathLights::Sample s = spheres.Toward(glm::vec3(0), {number(), number()}, {number(), number()});
+    const PathLights::Sample s = spheres.Toward({}, {number(), number()}, {number(), number()});
     CHECK(glm::distance(s.direction * s.distance, sphere.vector) == Approx(0.7).epsilon(1e-3));
     return s.direction;
   };

@@ -27,6 +27,9 @@ class PathBsdf {
 
   PathBsdf(const SurfaceProperties& properties, const Surface& surface);
 
+  /// The side from which light can come: the geometric normal, toward the viewer.
+  const glm::vec3& lit_side() const { return side_; }
+
   struct Scattered {
     glm::vec3 weight{0};  ///< of the light from a direction: the BSDF times the cosine
     float density = 0;    ///< with which Sample() finds the direction

@@ -136,7 +136,7 @@ PathLights::Entry PathLights::EntryOf(const Light& light) {
 }
 
 PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
-                       const EnvironmentPages& environment)
+                       const EnvironmentPages& environment, EmitterChoice choice)
     : lights_(view.lights), section_(view.section), ways_(ways) {
   const SceneMeta& meta = scene.meta;
   const glm::dvec3 size = glm::dvec3(meta.bounds_upper) - glm::dvec3(meta.bounds_lower);
@@ -167,7 +167,7 @@ PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
   }
   Entry emitters;
   emitters.emitters = true;
-  add(emitters, TakeEmitters(view, scene));
+  add(emitters, TakeEmitters(view, scene, choice));
   ShareChances(powers);
 }
 
@@ -182,16 +182,15 @@ void PathLights::ShareChances(const std::vector<double>& powers) {
     EndNumbers(below, i + 1 == entries_.size(), chosen_below_);
     entries_[i].chance = ChanceOf(begin, chosen_below_.back());
     if (environment_ && !entries_[i].light && !entries_[i].emitters) environment_chance_ = entries_[i].chance;
-    if (!entries_[i].emitters) continue;
-    for (Shining& shining : shining_) shining.chance *= entries_[i].chance;
+    if (entries_[i].emitters) emitters_chance_ = entries_[i].chance;
   }
 }
 
 /// Takes up the emitters that the view shows as they are. Returns their power.
-double PathLights::TakeEmitters(const View& view, const Catalog& scene) {
+double PathLights::TakeEmitters(const View& view, const Catalog& scene, EmitterChoice choice) {
   const PartSelection* const selection = view.parts.selection.get();
-  std::vector<double> powers;
-  double all = 0, below = 0;
+  std::vector<EmitterTree::Emitter> boxes;
+  double all = 0;
   for (const Emitter& emitter : scene.emitters) {
     if (selection && (HasPart(selection->hidden, emitter.part) || selection->ColorOf(emitter.part))) continue;
     if (IsCutOff(section_, emitter.corners)) continue;
@@ -205,15 +204,13 @@ double PathLights::TakeEmitters(const View& view, const Catalog& scene) {
     shining.radiance = scene.materials[emitter.material].emission;
     shining.area = static_cast<float>(area);
     shining_.push_back(shining);
-    powers.push_back(MeanOf(shining.radiance) * area / (2 * kPi));
-    all += powers.back();
+    const auto& corners = emitter.corners;
+    boxes.push_back({glm::min(glm::min(corners[0], corners[1]), corners[2]),
+                     glm::max(glm::max(corners[0], corners[1]), corners[2]), shining.normal,
+                     MeanOf(shining.radiance) * area / (2 * kPi)});
+    all += boxes.back().power;
   }
-  for (size_t i = 0; i < shining_.size(); ++i) {
-    const uint32_t begin = i == 0 ? 0 : shining_below_.back();
-    below += powers[i] / all;
-    EndNumbers(below, i + 1 == shining_.size(), shining_below_);
-    shining_[i].chance = ChanceOf(begin, shining_below_.back());
-  }
+  tree_ = EmitterTree(boxes, choice == EmitterChoice::kByPower);
   return all;
 }
 
@@ -228,10 +225,19 @@ float PathLights::MetShare(float met, float asked) const {
   return 1 - AskedShare(asked, met);
 }
 
-PathLights::Sample PathLights::Toward(const glm::vec3& position, const glm::vec2& choice,
+PathLights::Sample PathLights::Toward(const Vertex& vertex, const glm::vec2& choice,
                                       const glm::vec2& u) const {
-  const Entry& entry = entries_[Chosen(chosen_below_, choice.x)];
-  if (entry.emitters) return TowardEmitter(position, choice.y, u);
+  const size_t chosen = Chosen(chosen_below_, choice.x);
+  const Entry& entry = entries_[chosen];
+  const glm::vec3& position = vertex.position;
+  if (entry.emitters) {
+    // The way through the tree needs more bits than one number has: those that chose the entry are left over.
+    const uint32_t begin = chosen == 0 ? 0 : chosen_below_[chosen - 1];
+    const double left_over =
+        (static_cast<double>(choice.x) * kNumbers - begin) / (chosen_below_[chosen] - begin);
+    return TowardEmitter(vertex,
+                         static_cast<double>(choice.y) + std::clamp(left_over, 0.0, 0.999999) / kNumbers, u);
+  }
   if (!entry.light && environment_) {
     const EnvironmentLight::Sample in_sky = environment_->Toward(choice.y, u);
     const float density = in_sky.density * entry.chance;
@@ -280,25 +286,30 @@ PathLights::Sample PathLights::TowardSphere(const Entry& entry, const glm::vec3&
 }
 
 /// Uniform over the triangle. Source: Turk 1990.
-PathLights::Sample PathLights::TowardEmitter(const glm::vec3& position, float choice,
-                                             const glm::vec2& u) const {
-  const Shining& shining = shining_[Chosen(shining_below_, choice)];
+PathLights::Sample PathLights::TowardEmitter(const Vertex& vertex, double choice, const glm::vec2& u) const {
+  const EmitterTree::Choice chosen = tree_.Choose(vertex.position, vertex.side, choice);
+  if (!(chosen.chance > 0)) return {};
+  const Shining& shining = shining_[chosen.emitter];
   const float root = std::sqrt(u.x), b = root * (1 - u.y), c = root * u.y;
-  const glm::vec3 at = shining.corner + shining.sides[0] * b + shining.sides[1] * c, to = at - position;
+  const glm::vec3 at = shining.corner + shining.sides[0] * b + shining.sides[1] * c,
+                  to = at - vertex.position;
   if (IsCutOff(section_, std::span(&at, 1))) return {};
   const float distance2 = std::max(glm::dot(to, to), 1e-20f), distance = std::sqrt(distance2);
   const glm::vec3 direction = to / distance;
   const float turn = glm::dot(direction, shining.normal), cosine = std::fabs(turn);
   if (!(cosine > 1e-6f)) return {};
-  const float density = shining.chance * distance2 / (shining.area * cosine);
+  const float density = emitters_chance_ * chosen.chance * distance2 / (shining.area * cosine);
   return {direction, distance, shining.radiance / density, density,
           turn < 0 ? shining.normal : -shining.normal};
 }
 
-float PathLights::EmitterDensity(uint32_t triangle, float distance, float cosine) const {
+float PathLights::EmitterDensity(uint32_t triangle, const Vertex& vertex, float distance,
+                                 float cosine) const {
   const auto at = std::ranges::lower_bound(shining_, triangle, {}, &Shining::triangle);
   if (at == shining_.end() || at->triangle != triangle) return 0;
-  return at->chance * distance * distance / (at->area * std::max(cosine, 1e-6f));
+  const auto emitter = static_cast<uint32_t>(at - shining_.begin());
+  const float chance = emitters_chance_ * tree_.ChanceOf(emitter, vertex.position, vertex.side);
+  return chance * distance * distance / (at->area * std::max(cosine, 1e-6f));
 }
 
 glm::vec3 PathLights::OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,

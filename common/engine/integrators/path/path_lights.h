@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/engine/blocks/environment_pages.h"
+#include "common/engine/integrators/path/emitter_tree.h"
 #include "common/engine/integrators/path/environment_light.h"
 #include "common/engine/integrators/path/sky_light.h"
 #include "common/scene/shown/section_cut.h"
@@ -17,6 +18,8 @@ namespace quarry {
 /// The ways by which paths find lights: each vertex asks for one, and rays that go on meet them. One alone is
 /// for tests.
 enum class LightWays { kBoth, kAsked, kMet };
+/// How a vertex chooses among emitters: by EmitterTree, or by power alone, wherever it is, for tests.
+enum class EmitterChoice { kNear, kByPower };
 
 /// The radius of the sphere that a light is; 0: it is none, or smaller than a millionth of the scene, which
 /// is a point. Thread-safe.
@@ -26,12 +29,12 @@ float SphereRadius(const Light& light, const SceneMeta& scene);
 /// the sky or the environment, and the scene's table of emitters. Emitters that the view hides, colours or
 /// cuts off are left out. A vertex asks for one light, which it chooses by power and evenly, by halves; paths
 /// meet discs, spheres, rectangles and the sky too. Radiance is linear RGB, densities are by solid angle.
-/// Immutable, so thread-safe. The same bits on all machines. Memory: 76 bytes an emitter.
+/// Immutable, so thread-safe. The same bits on all machines. Memory: 164 bytes an emitter.
 class PathLights {
  public:
   /// `view` is normalized. `environment`: the view's.
   PathLights(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth,
-             const EnvironmentPages& environment = {});
+             const EnvironmentPages& environment = {}, EmitterChoice choice = EmitterChoice::kNear);
   PathLights(const PathLights&) = delete;
 
   bool empty() const { return entries_.empty(); }
@@ -53,12 +56,16 @@ class PathLights {
   float AskedShare(float asked, float met) const;
   float MetShare(float met, float asked) const;
 
-  /// A light as seen from a position. `choice` (of the light, and among emitters), `u`: in [0, 1)^2, each
+  /// Where light is asked for: a position, and the unit normal of the side from which it can come; 0: both.
+  struct Vertex {
+    glm::vec3 position{0}, side{0};
+  };
+  /// A light as seen from a vertex. `choice` (of the light, and among emitters), `u`: in [0, 1)^2, each
   /// number a multiple of 2^-24. A `light` of 0: none shines there. Requires: not empty().
-  Sample Toward(const glm::vec3& position, const glm::vec2& choice, const glm::vec2& u) const;
-  /// The density with which Toward() finds a point of a triangle at this distance, where `cosine` is that
-  /// between the ray and the triangle's normal. 0: the triangle is not in the table.
-  float EmitterDensity(uint32_t triangle, float distance, float cosine) const;
+  Sample Toward(const Vertex& vertex, const glm::vec2& choice, const glm::vec2& u) const;
+  /// The density with which Toward() finds a point of a triangle at this distance from the vertex, where
+  /// `cosine` is that between the ray and the triangle's normal. 0: the triangle is not in the table.
+  float EmitterDensity(uint32_t triangle, const Vertex& vertex, float distance, float cosine) const;
 
   /// The light of rectangles and spheres that a ray meets between `begin` and `end` (units: t of a unit
   /// direction), and that of suns' discs and of the sky behind all. The eye sees discs; the sky is light, not
@@ -90,13 +97,13 @@ class PathLights {
   struct Shining {
     uint32_t triangle = 0;
     glm::vec3 corner{0}, sides[2], normal{0}, radiance{0};
-    float chance = 0, area = 0;  ///< `chance`: of all choices of Toward()
+    float area = 0;
   };
-  static_assert(sizeof(Shining) + sizeof(uint32_t) == 76, "the README states the memory");
+  static_assert(sizeof(Shining) == 68, "the README states the memory");
   static Entry EntryOf(const Light& light);
-  double TakeEmitters(const View& view, const Catalog& scene);
+  double TakeEmitters(const View& view, const Catalog& scene, EmitterChoice choice);
   void ShareChances(const std::vector<double>& powers);
-  Sample TowardEmitter(const glm::vec3& position, float choice, const glm::vec2& u) const;
+  Sample TowardEmitter(const Vertex& vertex, double choice, const glm::vec2& u) const;
   static Sample TowardRectangle(const Entry& entry, const glm::vec3& position, const glm::vec2& u);
   static Sample TowardDisc(const Entry& entry, const glm::vec2& u);
   static Sample TowardSphere(const Entry& entry, const glm::vec3& position, const glm::vec2& u);
@@ -110,10 +117,11 @@ class PathLights {
   std::optional<EnvironmentLight> environment_;
   float environment_chance_ = 0;
   std::vector<Entry> entries_;
-  std::vector<uint32_t> chosen_below_;   ///< by entry: the first number, of 2^24, that chooses a later one
-  std::vector<Shining> shining_;         ///< by ascending triangle
-  std::vector<uint32_t> shining_below_;  ///< as chosen_below_
-  SectionCut section_;                   ///< points that it cuts off do not shine
+  std::vector<uint32_t> chosen_below_;  ///< by entry: the first number, of 2^24, that chooses a later one
+  std::vector<Shining> shining_;        ///< by ascending triangle
+  EmitterTree tree_;                    ///< of these
+  float emitters_chance_ = 0;           ///< that Toward() asks one of these
+  SectionCut section_;                  ///< points that it cuts off do not shine
   bool can_be_met_ = false;
   const LightWays ways_;
 };

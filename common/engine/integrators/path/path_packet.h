@@ -16,6 +16,7 @@ struct PathPacket {
   Vectors next_direction, next_weight;   ///< of the ray that goes on from the vertex; weight 0: none
   float next_density[RayPacket::kRays];  ///< see PathBsdf::Sample
   float next_width[RayPacket::kRays];
+  Vectors vertex, vertex_side;  ///< from which the ray under way comes, as PathLights::Vertex
   float
       density[RayPacket::kRays];  ///< with which the ray under way was chosen; 0: lights could not choose it
   float light_end[RayPacket::kRays];  ///< where the light ray ends; units: t

@@ -63,8 +63,8 @@ void AddTo(PathPacket& path, int lane, const glm::vec3& radiance) {
 }  // namespace
 
 PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways,
-                       const EnvironmentPages& environment)
-    : view_(view), lights_(view, scene, ways, environment), scale_(std::ldexp(1.0f, view.range)) {
+                       const EnvironmentPages& environment, EmitterChoice choice)
+    : view_(view), lights_(view, scene, ways, environment, choice), scale_(std::ldexp(1.0f, view.range)) {
   can_find_light_ = lights_.can_be_met();
   for (const Material& material : scene.materials)
     can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
@@ -230,7 +230,10 @@ PathTracer::Outcome PathTracer::Meet(PacketWork& work, uint32_t lane, const Surf
     return Outcome::kEnds;
   }
   if (m.emission != glm::vec3(0) && !(s.path_code[lane] != kPrimaryPath && LeavesOut(path, lane))) {
-    const float asked = is_cap ? 0.0f : lights_.EmitterDensity(work.rays.triangle[lane], hit_t, cosine);
+    const PathLights::Vertex from{path.vertex[i], path.vertex_side[i]};
+    const bool may_be_asked = !is_cap && path.density[lane] > 0;
+    const float asked =
+        may_be_asked ? lights_.EmitterDensity(work.rays.triangle[lane], from, hit_t, cosine) : 0.0f;
     AddTo(path, i, weight * m.emission * lights_.MetShare(path.density[lane], asked));
   }
   if (s.depth[lane] > view_.bounces) return Outcome::kEnds;
@@ -263,6 +266,8 @@ void PathTracer::ScatterBy(PacketWork& work, uint32_t lane, const Bsdf& bsdf) co
   SamplePacket& s = work.samples;
   PathPacket& path = *work.path;
   const auto i = static_cast<int>(lane);
+  path.vertex.Set(i, s.surface.position[i]);
+  path.vertex_side.Set(i, bsdf.lit_side());
   AskLight(work, lane, bsdf);
   const PathBsdf::Sample next = bsdf.SampleDirection(path.numbers.At(PathNumbers::kDirection, lane),
                                                      path.numbers.At(PathNumbers::kChoice, lane).x);
@@ -283,8 +288,9 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) con
   work.path->to_sky &= ~(uint64_t{1} << lane);
   const PathNumbers& numbers = work.path->numbers;
   const Surface surface = s.surface[i];
-  const PathLights::Sample sample = lights_.Toward(surface.position, numbers.At(PathNumbers::kLight, lane),
-                                                   numbers.At(PathNumbers::kLightPlace, lane));
+  const PathLights::Sample sample =
+      lights_.Toward({surface.position, bsdf.lit_side()}, numbers.At(PathNumbers::kLight, lane),
+                     numbers.At(PathNumbers::kLightPlace, lane));
   if (!(Largest(sample.light) > 0)) return;
   const PathBsdf::Scattered scattered = bsdf.Toward(sample.direction);
   glm::vec3 light = s.weight[i] * scattered.weight * sample.light;

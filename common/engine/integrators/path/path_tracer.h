@@ -17,7 +17,7 @@ class PathTracer final : public LightRays {
  public:
   /// `view` is normalized, and outlives this.
   PathTracer(const View& view, const Catalog& scene, LightWays ways = LightWays::kBoth,
-             const EnvironmentPages& environment = {});
+             const EnvironmentPages& environment = {}, EmitterChoice choice = EmitterChoice::kNear);
 
   Needs needs() const override;
   void Begin(PacketWork& work, uint64_t lanes) const override;

@@ -24,6 +24,8 @@ class RoughGlass {
            roughness * roughness >= PathBsdf::kLeastAlpha;
   }
   RoughGlass(const SurfaceProperties& properties, const Surface& surface);
+  /// Light can come from both sides.
+  static glm::vec3 lit_side() { return glm::vec3(0); }
 
   PathBsdf::Scattered Toward(const glm::vec3& light) const;
   PathBsdf::Sample SampleDirection(const glm::vec2& u, float choice) const;
