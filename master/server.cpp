@@ -76,7 +76,7 @@ Server::Server(asio::io_context& io, const MasterOptions& options, Scene scene,
              },
              [this](View& view) -> Status {
                QUARRY_TRY(environments_.Complete(view));
-               view.range = RangeOf(view, catalog(), environments_.TableOf(view));
+               FitLight(view, catalog(), environments_.TableOf(view));
                return selections_.Complete(view);
              }}),
       frames_(

@@ -1,6 +1,9 @@
+#include <memory>
+
 #include "common/protocol/messages.h"
 #include "common/protocol/selection_messages.h"
 #include "common/protocol/wire_reading.h"
+#include "common/scene/sky/atmosphere.h"
 
 namespace quarry {
 namespace {
@@ -38,6 +41,16 @@ std::unique_ptr<wire::CameraT> CameraToWire(const CameraSpec& camera) {
   return w;
 }
 
+std::unique_ptr<wire::AtmosphereT> AtmosphereToWire(const Sky& sky) {
+  auto w = std::make_unique<wire::AtmosphereT>();
+  w->haze = sky.haze;
+  if (!sky.atmosphere) return w;
+  for (const glm::vec3& radiance : sky.atmosphere->radiance)
+    w->radiance.insert(w->radiance.end(), {radiance.x, radiance.y, radiance.z});
+  w->sun = ToVector(sky.atmosphere->sun);
+  return w;
+}
+
 /// Without the camera.
 std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   auto w = std::make_unique<wire::ViewT>();
@@ -60,6 +73,7 @@ std::unique_ptr<wire::ViewT> ViewToWire(const View& view) {
   w->bounces = view.bounces;
   w->sky = ToVector(view.sky.radiance);
   w->turbidity = view.sky.turbidity;
+  if (view.sky.haze > 0) w->atmosphere = AtmosphereToWire(view.sky);
   w->meters = view.meters;
   w->noise = view.noise;
   w->transparent = view.transparent;

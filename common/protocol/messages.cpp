@@ -3,9 +3,12 @@
 #include <flatbuffers/util.h>
 
 #include <algorithm>
+#include <cmath>
+#include <memory>
 
 #include "common/protocol/selection_messages.h"
 #include "common/protocol/wire_reading.h"
+#include "common/scene/sky/atmosphere.h"
 
 // Fields are read in place from the verified buffer. FlatBuffers allows many references to one table, vector
 // or string, so a small message could unpack to gigabytes. Therefore every count and length is checked before
@@ -63,6 +66,30 @@ Status ReadEnvironment(const wire::Environment* w, ViewEnvironment& environment)
   return {};
 }
 
+/// A client sends the haze alone, a master the table too.
+Status ReadAtmosphere(const wire::Atmosphere* w, Sky& sky) {
+  if (!w) return {};
+  sky.haze = w->haze();
+  if (!(sky.haze >= kLeastHaze && sky.haze <= kMostHaze))
+    return Fail("received an atmosphere without a haze");
+  if (!w->radiance()) return {};
+  constexpr uint32_t kNumbers = 3 * AtmosphereTable::kRows * AtmosphereTable::kColumns;
+  AtmosphereTable table;
+  if (w->radiance()->size() != kNumbers || !Read(w->sun(), table.sun))
+    return Fail("received an atmosphere that is not well formed");
+  constexpr float kMost = 1e6f;
+  const auto is_light = [](float x) { return x >= 0 && x <= kMost; };
+  bool are_light = is_light(table.sun.x) && is_light(table.sun.y) && is_light(table.sun.z);
+  for (uint32_t i = 0; i < kNumbers; i += 3) {
+    const auto& numbers = *w->radiance();
+    table.radiance.emplace_back(numbers[i], numbers[i + 1], numbers[i + 2]);
+    are_light &= is_light(numbers[i]) && is_light(numbers[i + 1]) && is_light(numbers[i + 2]);
+  }
+  if (!are_light) return Fail("received an atmosphere with a radiance that is no number");
+  sky.atmosphere = std::make_shared<const AtmosphereTable>(std::move(table));
+  return {};
+}
+
 /// Copies a view but for its camera. Errors: too many lights, or entries that share bytes.
 Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   const size_t lights = SizeOf(w.lights());
@@ -93,6 +120,7 @@ Status ReadView(const wire::View& w, size_t message_bytes, View& view) {
   view.noise = w.noise();
   view.transparent = w.transparent();
   QUARRY_TRY(ReadEnvironment(w.environment(), view.environment));
+  QUARRY_TRY(ReadAtmosphere(w.atmosphere(), view.sky));
   return ReadSection(w.section(), view.section);
 }
 
@@ -182,6 +210,7 @@ Result<JobRequest> DecodeJobRequest(std::span<const std::byte> table) {
   if (!w->job()) return Fail("received a request without a job");
   JobRequest m;
   QUARRY_ASSIGN(m.job, ReadJob(*w->job(), table.size()));
+  m.job.view.sky.atmosphere = nullptr;  // the master makes it
   m.have = w->have();
   if (m.have > m.job.cameras.size())
     return Fail("received a request that claims more frames than its job has");
@@ -226,6 +255,8 @@ Result<FrameSetup> DecodeFrameSetup(std::span<const std::byte> table) {
     return Fail("received a frame without a view");
   QUARRY_TRY(ReadView(*w->view(), table.size(), m.view));
   QUARRY_TRY(NormalizeView(m.view));
+  if (InfoOf(m.view.mode).bounces && m.view.sky.haze > 0 && !m.view.sky.atmosphere)
+    return Fail("received an atmosphere without its light");
   return m;
 }
 

@@ -32,7 +32,7 @@ struct RenderModeInfo {
   /// against balance of the bytes to fetch for them (too much): `quarry bench simulate`, history.md
   /// 2026-11-26.
   double sample_s;
-  const char* options[7];  ///< of `quarry render`, that other modes may not have
+  const char* options[8];  ///< of `quarry render`, that other modes may not have
 };
 /// In the order in which they are shown.
 inline constexpr RenderModeInfo kRenderModeInfo[kRenderModes] = {
@@ -76,7 +76,7 @@ inline constexpr RenderModeInfo kRenderModeInfo[kRenderModes] = {
      true,
      ToneCurve::kFilm,
      2e-5,
-     {"--sun", "--lights", "--sky", "--bounces", "--environment", "--environment-turn",
+     {"--sun", "--lights", "--sky", "--atmosphere", "--bounces", "--environment", "--environment-turn",
       "--environment-strength"}},
     {RenderMode::kVoxels, "voxels", "Voxels", 1, false, false, false, ToneCurve::kClip, 1e-6, {}}};
 

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "common/scene/sky/atmosphere.h"
+
 namespace quarry {
 namespace {
 
@@ -20,13 +22,19 @@ bool Nonnegative(const V& v) {
 Status CheckSky(const View& view) {
   const Sky& sky = view.sky;
   if (!Nonnegative(sky.radiance)) return BadUsage("the sky's radiance must be >= 0");
-  if (sky.turbidity == 0) return {};
-  if (!(sky.turbidity >= kLeastTurbidity && sky.turbidity <= kMostTurbidity))
+  if (sky.turbidity == 0 && sky.haze == 0) return {};
+  if (sky.haze != 0 && sky.radiance != glm::vec3(0))
+    return BadUsage("a sky has one radiance or an atmosphere, not both");
+  if (sky.turbidity != 0 && sky.haze != 0)
+    return BadUsage("a view has one sky: a clear one, or an atmosphere");
+  if (sky.haze != 0 && !(sky.haze >= kLeastHaze && sky.haze <= kMostHaze))
+    return BadUsage(fmt::format("--atmosphere, a haze, must lie between {} and {}", kLeastHaze, kMostHaze));
+  if (sky.turbidity != 0 && !(sky.turbidity >= kLeastTurbidity && sky.turbidity <= kMostTurbidity))
     return BadUsage(
         fmt::format("--sky, a turbidity, must lie between {} and {}", kLeastTurbidity, kMostTurbidity));
   for (const Light& light : view.lights)
     if (light.kind == LightKind::kSun) return {};
-  return BadUsage("a sky with a turbidity needs a sun; add one with --sun");
+  return BadUsage("a clear sky or an atmosphere needs a sun; add one with --sun");
 }
 
 /// Other modes have no use for an environment.
@@ -38,7 +46,7 @@ Status NormalizeEnvironment(View& view) {
     return BadUsage(fmt::format("the environment's turn must lie between -{0} and {0} degrees", kMostTurn));
   if (!(e.strength > 0 && e.strength <= kMostStrength))
     return BadUsage(fmt::format("the environment's strength must lie above 0, at most {}", kMostStrength));
-  if (view.sky.shines()) return BadUsage("a view has one sky: a clear one, or an environment");
+  if (view.sky.shines()) return BadUsage("a view has one sky: a clear one, an atmosphere, or an environment");
   return {};
 }
 

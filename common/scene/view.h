@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -76,12 +77,19 @@ struct Light {
   bool operator==(const Light&) const = default;
 };
 
-/// The light of the sky in mode path: of one radiance, or that of a clear day, by the view's first sun.
+struct AtmosphereTable;
+/// The light of the sky in mode path. It has one radiance, or is that of a clear day, or of an atmosphere,
+/// which is right at sunset too. The latter two follow the view's first sun. An atmosphere is seen behind the
+/// scene.
 struct Sky {
-  glm::vec3 radiance{0};  ///< without a turbidity
-  float turbidity = 0;    ///< haze, [2, 10]: 2 very clear, 10 hazy; 0: one radiance
-  bool shines() const { return turbidity > 0 || radiance != glm::vec3(0); }
-  bool operator==(const Sky&) const = default;
+  glm::vec3 radiance{0};
+  float turbidity = 0;  ///< of a clear day, from 2 (very clear) to 10 (hazy); 0: no such sky
+  float haze = 0;       ///< of an atmosphere, from 1 (air alone) to 10 (hazy); 0: no such sky
+  std::shared_ptr<const AtmosphereTable> atmosphere;  ///< follows from haze and sun; set by FitLight()
+  bool shines() const { return turbidity > 0 || haze > 0 || radiance != glm::vec3(0); }
+  bool operator==(const Sky& other) const {
+    return radiance == other.radiance && turbidity == other.turbidity && haze == other.haze;
+  }
 };
 /// A photographed sky in mode path, which is seen behind the scene too: the store of an image of all
 /// directions. Where the z axis is up, its middle lies toward +x, and its right half toward -y; the y axis
@@ -147,8 +155,8 @@ struct View {
   /// Radiance is summed times 2^range, so that noon and candlelight fit sums. Pictures hold it as it is. Set
   /// by who knows the scene, see RangeOf(). In [-kMostRange, kMostRange].
   int range = 0;
-  /// kPath: the picture is for an exposure. Light is left out that comes to the eye straight from suns and
-  /// rectangles, or by mirrors and glass from these and from surfaces that shine.
+  /// kPath: the picture is for an exposure. Light is left out that comes to the eye straight from suns,
+  /// rectangles and skies, or by mirrors and glass from these and from surfaces that shine.
   bool meters = false;
   /// The error below which blocks of pixels end before they have `spp` samples, see NoiseBlocks; 0: all have
   /// `spp` samples.

@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+#include "common/scene/sky/atmosphere.h"
+
 namespace quarry {
 namespace {
 
@@ -140,8 +142,14 @@ Status ReadAo(const JsonValue& value, View& view) {
 
 Status ReadSky(const JsonValue& value, Sky& sky) {
   sky = {};
-  QUARRY_TRY(value.HasOnly({"radiance", "turbidity"}));
+  QUARRY_TRY(value.HasOnly({"radiance", "turbidity", "atmosphere"}));
   QUARRY_TRY(ReadOptional(value, "radiance", ReadColour, sky.radiance));
+  QUARRY_ASSIGN(const std::optional<JsonValue> haze, value.Optional("atmosphere"));
+  if (haze) {
+    QUARRY_TRY(ReadNumber<float>(*haze, sky.haze));
+    if (!(sky.haze >= kLeastHaze && sky.haze <= kMostHaze))
+      return haze->Wrong(fmt::format("must lie between {} and {}", kLeastHaze, kMostHaze));
+  }
   QUARRY_ASSIGN(const std::optional<JsonValue> turbidity, value.Optional("turbidity"));
   if (!turbidity) return {};
   QUARRY_TRY(ReadNumber<float>(*turbidity, sky.turbidity));
@@ -456,6 +464,8 @@ ordered_json ViewToJson(const View& view, const ImageFormat& format, const glm::
   if (view.bounces != View().bounces) j["bounces"] = view.bounces;
   if (view.sky.turbidity > 0)
     j["sky"] = {{"turbidity", view.sky.turbidity}};
+  else if (view.sky.haze > 0)
+    j["sky"] = {{"atmosphere", view.sky.haze}};
   else if (view.sky.shines())
     j["sky"] = {{"radiance", ToJson(view.sky.radiance)}};
   if (view.environment.is_named()) j["environment"] = ToJson(view.environment);

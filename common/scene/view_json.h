@@ -20,9 +20,9 @@ struct ViewDescription {
 ///    "size": [w,h], "crop": [x,y,w,h], "mode": "ao", "spp": 4, "seed": 0, "aov": ["depth", ...],
 ///    "up_axis": "y",
 ///    "ao": {"samples": 4, "distance": d}, "lights": [...], "ambient": [r,g,b], "background": [r,g,b],
-///    "bounces": 8, "sky": {"radiance": [r,g,b]} or {"turbidity": 3}, "exposure": EV, "tonemap": "film",
-///    "hide": [path, ...], "only": [path, ...], "colors": [{"parts": [path, ...], "color": [r,g,b] or null}],
-///    "section": {"box":
+///    "bounces": 8, "sky": {"radiance": [r,g,b]}, {"turbidity": 3} or {"atmosphere": 3}, "exposure": EV,
+///    "tonemap": "film", "hide": [path, ...], "only": [path, ...], "colors": [{"parts": [path, ...], "color":
+///    [r,g,b] or null}], "section": {"box":
 ///    [[x,y,z], [x,y,z]], "planes": [{"point": [x,y,z], "normal": [x,y,z]}], "caps": true}, "edges": false}
 /// A missing member leaves its value in `into` unchanged. Lights are as in ReadLight(). Units: lengths in
 /// scene units, of the model's coordinates; `offset` (SceneMeta::offset) is subtracted from positions. Errors

@@ -10,6 +10,7 @@
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
 #include "common/scene/render_mode.h"
+#include "common/scene/sky/atmosphere.h"
 #include "deploy/command/cluster.h"
 #include "deploy/command/render_options.h"
 
@@ -83,6 +84,9 @@ void AddPictureOptions(CLI::App& c, RenderArguments& a) {
   c.add_option("--sky", a.sky,
                "Light of a clear sky, by its turbidity: 2 very clear, 10 hazy; it needs a sun")
       ->check(RealNumber(kLeastTurbidity, kMostTurbidity));
+  c.add_option("--atmosphere", a.atmosphere,
+               "Computed sky and sun, by the haze: 1 air alone, 3 clear, 10 hazy. Works for low suns")
+      ->check(RealNumber(kLeastHaze, kMostHaze));
   c.add_option(
       "--environment", a.environment,
       "Light of a photographed sky: an image of all directions (.hdr, .exr) or its store; with --master the "

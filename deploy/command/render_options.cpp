@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cmath>
 #include <filesystem>
@@ -15,6 +16,7 @@
 #include "common/command_line/command_line.h"
 #include "common/command_line/security_options.h"
 #include "common/scene/default_view.h"
+#include "common/scene/sky/atmosphere.h"
 #include "common/scene/view_json.h"
 #include "deploy/command/cluster.h"
 #include "deploy/command/scene_files.h"
@@ -90,10 +92,13 @@ Status RefuseWhatHasNoEffect(const RenderArguments& a, const RenderJob& job) {
 
 /// A sky replaces the other kind of the view's file.
 Status ParseSky(const RenderArguments& a, View& view) {
-  if (Typed(a, "--sky") && Typed(a, "--environment"))
-    return BadUsage("--sky and --environment are two skies; leave one out");
-  if (Typed(a, "--sky")) {
-    view.sky = {glm::vec3(0), a.sky};
+  constexpr std::array kSkies = {"--sky", "--atmosphere", "--environment"};
+  for (size_t i = 0; i < kSkies.size(); ++i)
+    for (size_t j = i + 1; j < kSkies.size(); ++j)
+      if (Typed(a, kSkies[i]) && Typed(a, kSkies[j]))
+        return BadUsage(fmt::format("{} and {} are two skies; leave one out", kSkies[i], kSkies[j]));
+  if (Typed(a, "--sky") || Typed(a, "--atmosphere")) {
+    view.sky = {.turbidity = a.sky, .haze = a.atmosphere};
     view.environment = {};
   }
   if (Typed(a, "--environment")) {
@@ -254,14 +259,18 @@ Result<CameraSpec> CameraAt(const RenderArguments& a, const SceneSummary& scene,
   return camera;
 }
 
-/// Errors (usage): a clear sky whose sun stands too low.
+/// Errors (usage): a clear sky or an atmosphere whose sun stands too low.
 Status CheckSunOfSky(const SceneSummary& scene, const View& view) {
   const auto sun = std::ranges::find(view.lights, LightKind::kSun, &Light::kind);
-  if (view.sky.turbidity == 0 || sun == view.lights.end()) return {};
+  const bool is_clear = view.sky.turbidity > 0;
+  if ((!is_clear && view.sky.haze == 0) || sun == view.lights.end()) return {};
   const glm::vec3 v = sun->vector;
   const float height = (view.up_axis != 0 ? view.up_axis : scene.framing.up_axis) == 1 ? v.y : v.z;
-  if (height >= kLeastSunHeight * std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z)) return {};
-  return BadUsage("--sky: the sun stands below 5 degrees, where this sky is not known; choose another --sun");
+  const float least = is_clear ? kLeastSunHeight : kLeastTwilight;
+  if (height >= least * std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z)) return {};
+  if (is_clear)
+    return BadUsage("--sky: the sun stands below 5 degrees, where this sky is not known; --atmosphere is");
+  return BadUsage("--atmosphere: the sun stands 6 degrees below the horizon or lower; choose another --sun");
 }
 
 /// Sets the length of occlusion rays where it was left open.

@@ -28,7 +28,8 @@ struct RenderArguments {
   unsigned spp = 0;  ///< 0: 4 in ao, else 1
   unsigned ao_samples = 4;
   unsigned bounces = 8;
-  float sky = 0;  ///< turbidity; 0: none
+  float sky = 0;         ///< turbidity; 0: none
+  float atmosphere = 0;  ///< haze; 0: none
   /// An image, its store, or the name of one of the master's; its turn in degrees, and factor of its light.
   std::string environment;
   double environment_turn = 0;

@@ -273,7 +273,7 @@ Status Viewer::OnView(WantedView wanted) {
     return Refuse(known.error().message), Status{};
   if (const Status known = site_.environments->Complete(wanted.view); !known)
     return Refuse(known.error().message), Status{};
-  wanted.view.range = RangeOf(wanted.view, site_.scene.catalog(), site_.environments->TableOf(wanted.view));
+  FitLight(wanted.view, site_.scene.catalog(), site_.environments->TableOf(wanted.view));
   memory.largest = std::max(memory.largest, pixels);
   Charge(BytesWith(wanted.view));
   newest_ = wanted.view;

@@ -43,20 +43,20 @@ Mean SentBack(const Material& material, float cosine, uint32_t samples) {
 /// drawn by `draw`, against the integral of `density` over cells of equal solid angle. Cells that expect few
 /// are one.
 template <class Draw, class Density>
-double ChiSquareExcess(Draw&& draw, Density&& density, uint32_t samples) {
-  constexpr int kRows = 16, kColumns = 24, kFine = 40;
+double ChiSquareExcess(Draw&& draw, Density&& density, uint32_t samples, int across = 40, int up = 40) {
+  constexpr int kRows = 16, kColumns = 24;
   std::vector<double> expected(kRows * kColumns), met(kRows * kColumns);
   double lost = 1;
   for (int row = 0; row < kRows; ++row)
     for (int column = 0; column < kColumns; ++column) {
       double& cell = expected[static_cast<size_t>(row * kColumns + column)];
-      for (int y = 0; y < kFine; ++y)
-        for (int x = 0; x < kFine; ++x) {
-          const double z = -1 + 2 * (row + (y + 0.5) / kFine) / kRows;
-          const double turn = 2 * kPi * (column + (x + 0.5) / kFine) / kColumns, side = std::sqrt(1 - z * z);
+      for (int y = 0; y < up; ++y)
+        for (int x = 0; x < across; ++x) {
+          const double z = -1 + 2 * (row + (y + 0.5) / up) / kRows;
+          const double turn = 2 * kPi * (column + (x + 0.5) / across) / kColumns, side = std::sqrt(1 - z * z);
           cell += static_cast<double>(density(glm::vec3(side * std::cos(turn), side * std::sin(turn), z)));
         }
-      cell *= 4 * kPi / (kRows * kColumns * kFine * kFine);
+      cell *= 4 * kPi / (kRows * kColumns * across * up);
       lost -= cell;
     }
   uint32_t ended = 0;
@@ -209,10 +209,21 @@ TEST_CASE("Directions of paths and lights follow their densities", "[reference][
                 draw, [&](const glm::vec3& d) { return rough.Toward(d).density; }, kSamples) < 5);
     }
   for (const float turbidity : {0.0f, 3.0f}) {
-    const SkyLight sky({glm::vec3(1), turbidity}, glm::normalize(glm::vec3(1, 0, 1)), {0, 0, 1});
+    const SkyLight sky({glm::vec3(1), turbidity}, glm::normalize(glm::vec3(1, 0, 1)), {0, 0, 1},
+                       glm::vec3(1));
     const auto draw = [&]() -> std::optional<glm::vec3> { return sky.Direction({number(), number()}); };
     CHECK(ChiSquareExcess(
               draw, [&](const glm::vec3& d) { return sky.Density(d); }, kSamples) < 5);
+  }
+  for (const glm::vec3& to_sun : {glm::vec3(0, 0, 1), glm::vec3(1, 0.4f, 1), glm::vec3(-1, 0.2f, -0.05f)}) {
+    const glm::vec3 toward = glm::normalize(to_sun);
+    INFO("sun at height " << toward.z);
+    const Sky air{.haze = 3, .atmosphere = MakeAtmosphere(3, toward.z)};
+    const SkyLight sky(air, toward, {0, 0, 1}, glm::vec3(1));
+    const auto draw = [&]() -> std::optional<glm::vec3> { return sky.Direction({number(), number()}); };
+    CHECK(ChiSquareExcess(
+              draw, [&](const glm::vec3& d) { return sky.Density(d); }, kSamples, 80, 600) <
+          5);  // cells by the sun are small
   }
   View view;
   Light sun;
@@ -290,7 +301,7 @@ TEST_CASE("A clear sky is Preetham's, by an evaluation in double", "[reference][
       const double sun_theta = std::acos(height), chi = (4.0 / 9 - t / 120) * (kPi - 2 * sun_theta);
       const double zenith = (4.0453 * t - 4.9710) * std::tan(chi) - 0.2155 * t + 2.4192;
       const glm::vec3 sun(std::sqrt(1 - height * height), 0, height);
-      const SkyLight sky({glm::vec3(0), static_cast<float>(t)}, sun, {0, 0, 1});
+      const SkyLight sky({glm::vec3(0), static_cast<float>(t)}, sun, {0, 0, 1}, glm::vec3(1));
       for (const double theta : {0.0, 0.3, 0.9, 1.4})
         for (const double turn : {0.0, 1.0, 3.0}) {
           INFO("turbidity " << t << ", sun " << height << ", " << theta << ", " << turn);

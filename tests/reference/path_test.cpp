@@ -324,6 +324,13 @@ TEST_CASE("Lights that vertices ask for and lights that paths meet give one pict
   view.lights.clear();
   view.sky.radiance = glm::vec3(0.8f);
   CheckWays(scene, view, "a sky");
+  view.sky = {.haze = 3};
+  view.up_axis = 2;
+  sun.vector = {-0.4f, 0.3f, 0.08f};
+  view.lights = {sun};
+  FitLight(view, scene.catalog());
+  view.range = 0;
+  CheckWays(scene, view, "an atmosphere in the evening");
 }
 
 TEST_CASE("Triangles that shine are asked for and met alike", "[reference][path]") {

@@ -1,10 +1,12 @@
 """Blender's side of tests/bench/pictures/cycles: reads a scene of cycles_scenes.py from FOLDER and renders it with Cycles, one EXR a seed.
 gallery_blender.py takes its lights, cameras and options from here. Run by that bench: blender -b --factory-startup --python-exit-code 1 --python cycles_blender.py -- FOLDER NAME SIZE SAMPLES SEEDS
-Reads FOLDER/NAME.json and FOLDER/NAME.npz; writes FOLDER/NAME.cycles.SEED.exr, linear floats of 32 bits."""
+Reads FOLDER/NAME.json and FOLDER/NAME.npz; writes FOLDER/NAME.cycles.SEED.exr, linear floats of 32 bits, and FOLDER/NAME.cycles.json, the seconds of each. A picture
+of one sample goes before, so that none of them builds Cycles' tree."""
 import json
 import math
 import pathlib
 import sys
+import time
 
 import bpy
 import numpy
@@ -213,11 +215,17 @@ def main():
         make_light(light)
     make_camera(scene["camera"])
     make_world(scene["sky"])
-    set_options(scene, int(size), int(size), int(samples))
-    for seed in range(1, int(seeds) + 1):
+    set_options(scene, int(size), int(size), 1)
+    bpy.ops.render.render()
+    bpy.context.scene.cycles.samples = int(samples)
+    seconds = []
+    for seed in map(int, seeds.split(",")):
         bpy.context.scene.cycles.seed = seed
         bpy.context.scene.render.filepath = str(at.with_name(f"{name}.cycles.{seed}.exr"))
+        begun = time.monotonic()
         bpy.ops.render.render(write_still=True)
+        seconds.append(time.monotonic() - begun)
+    at.with_name(f"{name}.cycles.json").write_text(json.dumps(seconds))
 
 
 if __name__ == "__main__":

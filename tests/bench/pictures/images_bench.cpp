@@ -154,7 +154,7 @@ Status RunPath(const std::string& path, const Options& options, nlohmann::json& 
   view.sky.turbidity = 3;
   QUARRY_ASSIGN(view.camera, FindView(path, catalog.meta, options.interior));
   QUARRY_TRY(NormalizeView(view));
-  view.range = RangeOf(view, catalog);
+  FitLight(view, catalog);
   // Paths are the same whether vertices ask for light or not; without asking there are no light rays.
   const auto silent = std::make_shared<PathTracer>(view, catalog, LightWays::kMet);
   uint64_t rays = 0, path_rays = 0;

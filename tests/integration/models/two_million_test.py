@@ -2,10 +2,11 @@
 tests/bench/stores/preprocess."""
 import json
 import pathlib
+import subprocess
 import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
-from tests.integration.programs import Case, main
+from tests.integration.programs import TIMEOUT_S, Case, main
 
 TRIANGLES = 2_000_000
 POSITIONS_PLY = 20.18  # bytes a triangle of the plant's indexed binary PLY, positions only
@@ -43,6 +44,21 @@ class TwoMillion(Case):
         self.assertGreater(sum(w["voxel_bytes_loaded"] for w in workers), made["store_bytes"] // 20)
         self.assertGreater((self.folder / "plant.0000.png").stat().st_size, 30000)
         self.memory_of_a_cluster(store, made["voxels"])
+        self.record(store)
+
+    def record(self, store):
+        """The bench of the record, small: it finishes within its memory, with the same bits for each cache."""
+        bench = pathlib.Path(__file__).parents[2] / "bench/record"
+        done = subprocess.run([str(bench), str(self.folder / "record"), "--store", store, "--size", "64x48", "--spp", "2", "--caches-size", "48x36",
+                               "--caches-spp", "2"], capture_output=True, text=True, timeout=TIMEOUT_S)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        told = json.loads((self.folder / "record/record.json").read_text())
+        self.assertTrue(told["same_bits"])
+        self.assertEqual([figures["finished"] for figures in told["pictures"] + told["caches"]], [True] * 6)
+        for figures in told["pictures"]:
+            self.assertGreater(figures["largest_bytes"], 10 << 20)
+            self.assertGreater(figures["rays"], 64 * 48 * 2)
+        self.assertLess(told["caches"][3]["cache_bytes"], told["caches"][1]["cache_bytes"] // 9)
 
     def memory_of_a_cluster(self, store, voxels):
         """Workers that have their cache from the beginning, and a master that looks ahead through few voxels, or not at all."""

@@ -1,4 +1,5 @@
 """What reaches the film: depth of field, nothing behind the model, layers that are means over samples. The same bits on any cluster."""
+import json
 import math
 import pathlib
 import struct
@@ -88,7 +89,7 @@ class Film(Case):
 
     def test_nothing_is_behind_a_transparent_picture(self):
         scene = self.wall("t", 10)
-        for light in (["--sky", 3, "--sun=0.2,-1,0.5"], ["--mode", "ao"], ["--mode", "whitted", "--lights", self.path("lights.json")]):
+        for light in (["--sky", 3, "--sun=0.2,-1,0.5"], ["--atmosphere", 3, "--sun=0.2,-1,0.5"], ["--mode", "ao"], ["--mode", "whitted", "--lights", self.path("lights.json")]):
             with self.subTest(light=light):
                 pathlib.Path(self.path("lights.json")).write_text('{"lights": [], "ambient": [1, 1, 1], "background": [3, 2, 1]}')
                 view = [scene, *CAMERA, "--spp", 16, "--transparent", "--up-axis", "z", "--exposure", 0, *(["--mode", "path"] if "--mode" not in light else []), *light]
@@ -137,6 +138,33 @@ class Film(Case):
         self.assertGreater(len(counted), 900)
         for x, y in counted:
             self.assertEqual(ranges.at([*layers, "depth.Z", "R", "A"], x, y), exr.at([*layers, "depth.Z", "R", "A"], x, y))
+
+    def test_an_evening_is_seen(self):
+        """The sky of an atmosphere stands behind the model; a low sun is red, and the sky over it bright."""
+        scene = self.wall("s", 10)
+        view = [scene, *CAMERA, "--mode", "path", "--spp", 16, "--up-axis", "z"]
+        noon, evening, dusk = (read_exr(self.render(f"{name}.exr", *view, "--atmosphere", 3, f"--sun={sun}"))
+                               for name, sun in (("noon", "0,-1,1"), ("evening", "0.2,-1,0.03"), ("dusk", "0,1,-0.05")))
+        for exr in (noon, evening, dusk):
+            self.assertEqual(exr.at("A", 80, 5), (1,))
+            self.assertGreater(min(exr.at("RGB", 80, 5)), 0)
+            self.assertGreater(min(exr.at("RGB", 80, 55)), 0)  # the ground below the horizon
+        red, _, blue = (a / b for a, b in zip(evening.at("RGB", 20, 30), noon.at("RGB", 20, 30)))
+        self.assertGreater(red, 1.4 * blue)
+        self.assertGreater(noon.at("B", 80, 5)[0], noon.at("R", 80, 5)[0])
+        # Behind the wall the sun has set: there the horizon is red, and all is darker.
+        self.assertGreater(dusk.at("R", 80, 27)[0], dusk.at("B", 80, 27)[0])
+        self.assertLess(dusk.at("G", 80, 5)[0], 0.1 * noon.at("G", 80, 5)[0])
+        # However dim the sun, no light is clamped.
+        for haze, sun in ((3, "0,1,0"), (3, "0,-1,0.0044"), (5, "0,-1,0.0175"), (10, "0,-1,0.035"), (10, "0,-1,0.052")):
+            self.render("low.exr", *view, "--atmosphere", haze, f"--sun={sun}", "--stats", self.path("low.json"))
+            self.assertEqual(json.loads(pathlib.Path(self.path("low.json")).read_text())["saturated_terms"], 0)
+        self.must_fail(2, "6 degrees", "quarry", "render", "-o", self.path("s.png"), *view, "--atmosphere", 3, "--sun=0,-1,-0.2")
+        self.must_fail(2, "two skies", "quarry", "render", "-o", self.path("s.png"), *view, "--atmosphere", 3, "--sun=0,-1,1", "--sky", 3)
+        for haze in ("0", "-1", "11", "nan", "thick"):
+            self.must_fail(2, "--atmosphere", "quarry", "render", scene, "-o", self.path("s.png"), "--mode", "path", "--sun=0,-1,1", f"--atmosphere={haze}")
+        pathlib.Path(self.path("v.json")).write_text('{"mode": "path", "sky": {"atmosphere": 0.5}}')
+        self.must_fail(1, "sky.atmosphere", "quarry", "render", scene, "-o", self.path("s.png"), "--view", self.path("v.json"))
 
     def test_bad_input(self):
         scene = self.wall("b", 10)

@@ -162,7 +162,7 @@ class Paths(Case):
             self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name], name)
 
     def test_everything_that_paths_meet(self):
-        """Cut-outs, a veil, panes, textures, a ball of glass, lamps, one of them hidden, and a section through another."""
+        """Cut-outs, a veil, panes, textures, a ball of glass, lamps, one of them hidden, a section through another, and an evening sky."""
         pathlib.Path(self.path("more.mtl")).write_text(
             "newmtl lamp\nKd 0 0 0\nKe 30 25 20\nnewmtl ball\nKd 0 0 0\nKs 1 1 1\nTf 0.8 0.9 0.8\nd 0.1\nNi 1.5\nillum 7\n")
         positions, _, triangles = sheet(24, 12, lambda u, v: (4 + 0.8 * math.cos(2 * math.pi * u) * math.sin(math.pi * v),
@@ -178,8 +178,9 @@ class Paths(Case):
         self.assertTrue(info["shines"])
         decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"] + info["texture_decoded_bytes"], info["largest_decoded_bytes"]
         pathlib.Path(view).write_text(json.dumps({
-            "mode": "path", "spp": 4, "size": [128, 96], "bounces": 6, "lights": [], "sky": {"radiance": [0.1, 0.12, 0.15]}, "hide": ["*hidden lamp"],
+            "mode": "path", "spp": 4, "size": [128, 96], "bounces": 6, "sky": {"atmosphere": 3}, "hide": ["*hidden lamp"],
             "camera": {"eye": [14, -7, 7], "at": [6, 4, 0.5], "fov": 50}, "aov": ["depth", "primitive"],
+            "lights": [{"type": "sun", "direction": [0.9, -0.4, 0.06], "radiance": [0.9, 0.9, 0.9]}], "up_axis": "z",
             "section": {"planes": [{"point": [8.5, 7, 4], "normal": [1, 0.2, 0]}]}}))
 
         def render(isa, workers, threads, cache, *options):

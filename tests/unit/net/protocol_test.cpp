@@ -1,10 +1,13 @@
 #include <fmt/format.h>
 
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
+#include <functional>
 #include <random>
 
 #include "common/protocol/messages.h"
+#include "common/scene/sky/atmosphere.h"
 
 namespace quarry {
 namespace {
@@ -200,6 +203,43 @@ TEST_CASE("Selections, lists of parts and sections are decoded to the same field
   longest.section = {true, {1, 2, 3}, {4, 6, 8}, {kMaxSectionPlanes, {{1, 1, 1}, {0, 0, 1}}}, true};
   longest.parts = view.parts;
   CHECK(Encode(longest).size() <= 1024);  // the limit of a Ray's table
+}
+
+TEST_CASE("An atmosphere goes to workers with its table; a client's table is not taken", "[protocol]") {
+  View view;
+  view.mode = RenderMode::kPath;
+  view.lights = {Light{}};
+  view.sky.haze = 3;
+  const auto sent = [&](const std::function<void(AtmosphereTable&)>& change) {
+    AtmosphereTable table;
+    for (uint32_t i = 0; i < AtmosphereTable::kRows * AtmosphereTable::kColumns; ++i)
+      table.radiance.emplace_back(i, i + 0.25f, i + 0.5f);
+    table.sun = {0.9f, 0.8f, 0.7f};
+    change(table);
+    view.sky.atmosphere = std::make_shared<const AtmosphereTable>(std::move(table));
+    return DecodeFrameSetup(Encode(FrameSetup{1, view, 0}));
+  };
+  const auto good = sent([](AtmosphereTable&) {});
+  REQUIRE(good.has_value());
+  REQUIRE(good->view.sky.atmosphere);
+  CHECK(good->view.sky.haze == 3);
+  CHECK(good->view.sky.atmosphere->radiance == view.sky.atmosphere->radiance);
+  CHECK(good->view.sky.atmosphere->sun == view.sky.atmosphere->sun);
+  CHECK_FALSE(sent([](AtmosphereTable& t) { t.radiance.pop_back(); }).has_value());
+  CHECK_FALSE(sent([](AtmosphereTable& t) { t.radiance[7].y = -1; }).has_value());
+  CHECK_FALSE(sent([](AtmosphereTable& t) { t.radiance[7].z = NAN; }).has_value());
+  CHECK_FALSE(sent([](AtmosphereTable& t) { t.sun.x = INFINITY; }).has_value());
+  RenderJob job = MakeJob();
+  job.view.lights = view.lights;
+  job.view.sky = view.sky;
+  const auto asked = DecodeJobRequest(Encode(JobRequest{job, 0}));
+  REQUIRE(asked.has_value());
+  CHECK(asked->job.view.sky.haze == 3);
+  CHECK_FALSE(asked->job.view.sky.atmosphere);
+  view.sky.atmosphere = nullptr;
+  CHECK_FALSE(DecodeFrameSetup(Encode(FrameSetup{1, view, 0})).has_value());
+  view.sky.haze = 0.5f;
+  CHECK_FALSE(DecodeFrameSetup(Encode(FrameSetup{1, view, 0})).has_value());
 }
 
 TEST_CASE("Invalid values are refused") {

@@ -112,6 +112,12 @@ TEST_CASE("A clear sky needs a sun and a haze that is known; a rectangle needs a
   CHECK(fault([](View& v) { v.sky = {glm::vec3(0), 3}; }).empty());
   CHECK_THAT(fault([](View& v) { v.sky = {glm::vec3(0), 11}; }), Contains("turbidity"));
   CHECK_THAT(fault([](View& v) { v.sky.radiance.x = -1; }), Contains("sky"));
+  CHECK(fault([](View& v) { v.sky = {.haze = 3}; }).empty());
+  CHECK_THAT(fault([](View& v) { v.sky = {.haze = 0.5f}; }), Contains("--atmosphere"));
+  CHECK_THAT(fault([](View& v) { v.sky = {.turbidity = 3, .haze = 3}; }), Contains("one sky"));
+  CHECK_THAT(fault([](View& v) { v.sky = {.radiance = glm::vec3(1), .haze = 3}; }), Contains("not both"));
+  CHECK_THAT(fault([](View& v) { v.sky = {.haze = 3}, v.lights.erase(v.lights.begin() + 1); }),
+             Contains("needs a sun"));
   CHECK_THAT(fault([](View& v) {
                v.sky = {glm::vec3(0), 3}, v.lights.erase(v.lights.begin() + 1);
              }),
@@ -159,6 +165,8 @@ TEST_CASE("An invalid view is refused with the place", "[view]") {
   CHECK_THAT(ErrorOf(R"({"lights": [{"type": "lamp"}]})"),
              Contains("lights[0].type: must be sun, point or rectangle"));
   CHECK_THAT(ErrorOf(R"({"sky": {"turbidity": 1.5}})"), Contains("v.json: sky.turbidity: must lie between"));
+  CHECK_THAT(ErrorOf(R"({"sky": {"atmosphere": 0.5}})"),
+             Contains("v.json: sky.atmosphere: must lie between"));
   CHECK_THAT(ErrorOf(R"({"sky": {"colour": 1}})"), Contains("sky: 'colour' is not known"));
   CHECK_THAT(ErrorOf(R"({"lights": [{"type": "rectangle", "position": [0,0,0], "radiance": [1,1,1]}]})"),
              Contains("lights[0]: 'edges' is missing"));

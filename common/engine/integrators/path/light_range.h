@@ -12,4 +12,8 @@ namespace quarry {
 /// nothing shines. `environment`: of the view's. Requires: the view is normalized. Thread-safe.
 int RangeOf(const View& view, const Catalog& scene, const SkyTable* environment = nullptr);
 
+/// Sets what the light of a view needs the scene for: the table of its atmosphere, and its range. The same
+/// requirements. Thread-safe.
+void FitLight(View& view, const Catalog& scene, const SkyTable* environment = nullptr);
+
 }  // namespace quarry

@@ -10,6 +10,7 @@
 #include "common/engine/integrators/scatter.h"
 #include "common/math/elementary.h"
 #include "common/math/sampling.h"
+#include "common/scene/sky/atmosphere.h"
 
 namespace quarry {
 namespace {
@@ -38,10 +39,6 @@ void EndNumbers(double below, bool last, std::vector<uint32_t>& ends) {
 
 double MeanOf(const glm::vec3& v) {
   return (static_cast<double>(v.x) + static_cast<double>(v.y) + static_cast<double>(v.z)) / 3;
-}
-
-uint32_t UpAxisOf(const View& view, const SceneMeta& scene) {
-  return view.up_axis != 0 ? view.up_axis : scene.up_axis;
 }
 
 /// Whether one face of the section's box, or one of its planes, cuts all of these points off.
@@ -107,6 +104,10 @@ double PowerOf(const Light& light, double area, double radius) {
 
 }  // namespace
 
+uint32_t UpAxisOf(const View& view, const SceneMeta& scene) {
+  return view.up_axis != 0 ? view.up_axis : scene.up_axis;
+}
+
 float SphereRadius(const Light& light, const SceneMeta& scene) {
   constexpr float kLeast = 1e-6f;
   const float size = Largest(scene.bounds_upper - scene.bounds_lower);
@@ -137,7 +138,7 @@ PathLights::Entry PathLights::EntryOf(const Light& light) {
 
 PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
                        const EnvironmentPages& environment, EmitterChoice choice)
-    : lights_(view.lights), section_(view.section), ways_(ways) {
+    : lights_(LightsInAir(view)), section_(view.section), ways_(ways) {
   const SceneMeta& meta = scene.meta;
   const glm::dvec3 size = glm::dvec3(meta.bounds_upper) - glm::dvec3(meta.bounds_lower);
   const double radius = std::max(std::sqrt(glm::dot(size, size)) / 2, 1e-30);
@@ -154,9 +155,10 @@ PathLights::PathLights(const View& view, const Catalog& scene, LightWays ways,
     can_be_met_ |= entry.disc_density > 0 || entry.area > 0 || entry.sphere != glm::vec3(0);
   }
   if (view.sky.shines()) {
-    const auto sun = std::ranges::find(lights_, LightKind::kSun, &Light::kind);
+    const auto sun = std::ranges::find(view.lights, LightKind::kSun, &Light::kind);
     const glm::vec3 up = UpAxisOf(view, meta) == 1 ? glm::vec3(0, 1, 0) : glm::vec3(0, 0, 1);
-    sky_.emplace(view.sky, sun == lights_.end() ? up : sun->vector, up);
+    const Light above = sun == view.lights.end() ? Light{.vector = up} : *sun;
+    sky_.emplace(view.sky, above.vector, up, above.radiance);
     add({}, MeanOf(sky_->mean()) * radius * radius);
     can_be_met_ = true;
   }
@@ -246,6 +248,7 @@ PathLights::Sample PathLights::Toward(const Vertex& vertex, const glm::vec2& cho
   if (!entry.light) {
     const glm::vec3 direction = sky_->Direction(u);
     const float density = sky_->Density(direction) * entry.chance;
+    if (!(density > 0)) return {};
     return {direction, kInfinity, sky_->Radiance(direction) / density, density};
   }
   if (entry.area > 0) return TowardRectangle(entry, position, u);

@@ -24,6 +24,8 @@ enum class EmitterChoice { kNear, kByPower };
 /// The radius of the sphere that a light is; 0: it is none, or smaller than a millionth of the scene, which
 /// is a point. Thread-safe.
 float SphereRadius(const Light& light, const SceneMeta& scene);
+/// The axis that points up, of a view or else of its scene: 1 for y, 2 for z. Thread-safe.
+uint32_t UpAxisOf(const View& view, const SceneMeta& scene);
 
 /// The lights of a view for mode `path`: suns with discs, points and spots, which may be spheres, rectangles,
 /// the sky or the environment, and the scene's table of emitters. Emitters that the view hides, colours or
@@ -68,13 +70,15 @@ class PathLights {
   float EmitterDensity(uint32_t triangle, const Vertex& vertex, float distance, float cosine) const;
 
   /// The light of rectangles and spheres that a ray meets between `begin` and `end` (units: t of a unit
-  /// direction), and that of suns' discs and of the sky behind all. The eye sees discs; the sky is light, not
-  /// a background. `density`: with which the ray was chosen; each light is weighed against its own choice by
-  /// the power heuristic. 0: it could not be chosen by lights.
+  /// direction), and that of suns' discs and of the sky behind all. The eye sees discs, and the sky of an
+  /// atmosphere; other skies are light, not a background. `density`: with which the ray was chosen; each
+  /// light is weighed against its own choice by the power heuristic. 0: it could not be chosen by lights.
   glm::vec3 OnTheWay(const glm::vec3& origin, const glm::vec3& direction, float begin, float end,
                      float density) const;
   glm::vec3 Discs(const glm::vec3& direction, float density) const;
   glm::vec3 OfSky(const glm::vec3& direction, float density) const;
+  /// Whether the eye sees the sky behind the scene.
+  bool sky_is_seen() const { return sky_ && sky_->is_seen(); }
   /// The environment, or null; and the share of its radiance that a ray of this density has which meets it.
   const EnvironmentLight* environment() const { return environment_ ? &*environment_ : nullptr; }
   float EnvironmentShare(uint32_t texel, float density) const {

@@ -89,8 +89,8 @@ void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
   });
 }
 
-/// The eye sees the background and the discs of suns; the rays of further bounces see the sky. All see an
-/// environment, but the eye of a meter. Of a transparent picture the eye sees none of these.
+/// The eye sees background and suns; the rays of further bounces see the sky. All see an environment and an
+/// atmosphere, but the eye of a meter. Of a transparent picture the eye sees none of these.
 uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
   const SamplePacket& s = work.samples;
   PathPacket& path = *work.path;
@@ -106,11 +106,11 @@ uint64_t PathTracer::Missed(PacketWork& work, uint64_t lanes) const {
       light = lights_.OnTheWay(origin, direction, begin, kInfinity, path.density[i]);
       if (behind) light += lights_.Discs(direction, path.density[i]);
     }
-    if (!of_eye) light += lights_.OfSky(direction, path.density[i]);
-    const bool sees_sky = lights_.environment() && behind && !(of_eye && view_.meters);
-    if (sees_sky) in_sky |= uint64_t{1} << i;
-    const bool shines = sees_sky || light != glm::vec3(0);
-    const bool is_backdrop = lights_.environment() || (uncovered && view_.backdrop);
+    const bool sees_far = behind && !(of_eye && view_.meters);
+    if (!of_eye || (lights_.sky_is_seen() && sees_far)) light += lights_.OfSky(direction, path.density[i]);
+    if (lights_.environment() && sees_far) in_sky |= uint64_t{1} << i;
+    const bool shines = (in_sky >> i & 1) != 0 || light != glm::vec3(0);
+    const bool is_backdrop = lights_.environment() || lights_.sky_is_seen() || (uncovered && view_.backdrop);
     if (of_eye && !shines && !is_backdrop) light += view_.background;
     if (uncovered && (shines || !is_backdrop)) work.film.Cover(s.pixel[i]);
     AddTo(path, lane, s.weight[lane] * light);

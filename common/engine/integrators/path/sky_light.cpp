@@ -59,8 +59,13 @@ glm::vec3 OnSphere(float height, float turn, const glm::vec3& up) {
 
 }  // namespace
 
-SkyLight::SkyLight(const Sky& sky, const glm::vec3& sun, const glm::vec3& up)
+SkyLight::SkyLight(const Sky& sky, const glm::vec3& sun, const glm::vec3& up, const glm::vec3& sun_radiance)
     : is_clear_(sky.turbidity > 0), up_(up), sun_(sun), uniform_(sky.radiance), mean_(sky.radiance) {
+  if (sky.atmosphere) {
+    air_.emplace(sky.atmosphere, sun, up, sun_radiance);
+    ground_ = air_->on_ground() * kGroundAlbedo;
+    mean_ = (air_->mean() + ground_) * 0.5f;
+  }
   if (!is_clear_) return;
   const float t = sky.turbidity, height = std::max(glm::dot(sun_, up_), kLeastSunHeight);
   const float angle = ArcCosine(height);
@@ -110,17 +115,20 @@ glm::vec3 SkyLight::Clear(const glm::vec3& direction) const {
 }
 
 glm::vec3 SkyLight::Radiance(const glm::vec3& direction) const {
-  if (!is_clear_) return uniform_;
-  return glm::dot(direction, up_) > 0 ? Clear(direction) : ground_;
+  if (!is_clear_ && !air_) return uniform_;
+  if (!(glm::dot(direction, up_) > 0)) return ground_;
+  return air_ ? air_->Radiance(direction) : Clear(direction);
 }
 
 glm::vec3 SkyLight::Direction(const glm::vec2& u) const {
+  if (air_) return air_->Direction(u);
   return OnSphere(is_clear_ ? 1 - u.x : 1 - 2 * u.x, u.y, up_);
 }
 
 float SkyLight::Density(const glm::vec3& direction) const {
-  if (!is_clear_) return static_cast<float>(1 / (4 * kPi));
-  return glm::dot(direction, up_) > 0 ? static_cast<float>(1 / (2 * kPi)) : 0.0f;
+  if (!is_clear_ && !air_) return static_cast<float>(1 / (4 * kPi));
+  if (!(glm::dot(direction, up_) > 0)) return 0;
+  return air_ ? air_->Density(direction) : static_cast<float>(1 / (2 * kPi));
 }
 
 }  // namespace quarry
