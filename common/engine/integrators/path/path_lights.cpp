@@ -192,6 +192,8 @@ void PathLights::ShareChances(const std::vector<double>& powers) {
 double PathLights::TakeEmitters(const View& view, const Catalog& scene, EmitterChoice choice) {
   const PartSelection* const selection = view.parts.selection.get();
   std::vector<EmitterTree::Emitter> boxes;
+  boxes.reserve(scene.emitters.size());
+  shining_.reserve(scene.emitters.size());
   double all = 0;
   for (const Emitter& emitter : scene.emitters) {
     if (selection && (HasPart(selection->hidden, emitter.part) || selection->ColorOf(emitter.part))) continue;
