@@ -66,6 +66,8 @@ test('a preview is drawn while the model is read, and becomes the viewer with it
   await shoot(page, 'preview');
   await page.waitForFunction(() => window.quarry && document.getElementById('picture')?.width > 1, null, { timeout: 120000 });
   assert.ok(await page.evaluate(() => window.sameDocument), 'nothing was reloaded');
+  // The address follows the camera a little later.
+  await page.waitForFunction(() => new URLSearchParams(location.hash.slice(1)).has('eye'), null, { timeout: 20000 });
   const from = new URLSearchParams((await page.evaluate(() => location.hash)).slice(1));
   const { camera } = await viewOf(page);
   assert.ok(Math.abs(camera.at[0] - AWAY) < 1000, `the camera looks at ${camera.at}, near the model`);
