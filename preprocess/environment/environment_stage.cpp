@@ -115,11 +115,12 @@ class EnvironmentStage {
           TakeColors(row, facts_, colors_);
           uint32_t x = 0;
           if (!survey_->AddRow(colors_, x))
-            return BadUsage(
-                fmt::format("{}: its pixel ({}, {}) is negative or no number", image_.file, x, y));
+            return BadUsage(fmt::format("{}: its pixel ({}, {}) is no number", image_.file, x, y));
           progress_.Update(++y, uint64_t{2} * facts_.height);
           return {};
         }));
+    if (const auto at = survey_->NegativePixel())
+      return BadUsage(fmt::format("{}: its pixel ({}, {}) is negative", image_.file, at->x, at->y));
     if (!survey_->Finish()) return BadUsage(fmt::format("{}: is black all over", image_.file));
     return {};
   }
@@ -144,7 +145,7 @@ class EnvironmentStage {
         [&](std::span<const std::byte> row) -> Status {
           TakeColors(row, facts_, colors_);
           for (size_t i = 0; i < colors_.size(); ++i) {
-            const uint16_t half = FloatToHalf(std::ldexp(colors_[i], -survey_->exponent()));
+            const uint16_t half = FloatToHalf(std::ldexp(std::max(colors_[i], 0.0f), -survey_->exponent()));
             std::memcpy(&halves[2 * i], &half, sizeof half);
             colors_[i] = std::ldexp(HalfToFloat(half), survey_->exponent());
           }

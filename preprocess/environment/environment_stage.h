@@ -12,8 +12,8 @@ bool IsEnvironment(const PreprocessOptions& options);
 
 /// Makes the store of an environment of an image of all directions, twice as wide as high. Reads the image
 /// twice: for its brightness, then for its pages. Memory: kPageSide rows of each level, and 8 bytes a cell
-/// and 8 KiB a divided cell of the table. Errors (usage): the file is no such image; it is black, or has a
-/// pixel that is negative or no number. Errors: as StoreWriter.
+/// and 8 KiB a divided cell of the table. Errors (usage): the file is no such image; it is black, has a
+/// value that is no number, or is negative beyond SkySurvey::NegativePixel(). Errors: as StoreWriter.
 Result<PreprocessStatistics> MakeEnvironment(const PreprocessOptions& options, Progress& progress);
 
 }  // namespace quarry

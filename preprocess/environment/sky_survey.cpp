@@ -12,12 +12,18 @@ SkySurvey::SkySurvey(uint32_t width)
 
 double SkySurvey::SolidAngleOf(uint32_t row) const { return cells_.SolidAngle({0, row, 1, row + 1}); }
 
-bool SkySurvey::AddRow(std::span<const float> row, uint32_t& bad_x) {
+bool SkySurvey::AddRow(std::span<float> row, uint32_t& bad_x) {
   const double solid = SolidAngleOf(rows_);
   for (uint32_t x = 0; x < cells_.width(); ++x) {
-    const float* const c = &row[size_t{3} * x];
+    float* const c = &row[size_t{3} * x];
     for (int channel = 0; channel < 3; ++channel) {
-      if (!(c[channel] >= 0 && std::isfinite(c[channel]))) return bad_x = x, false;
+      if (!std::isfinite(c[channel])) return bad_x = x, false;
+      (c[channel] < 0 ? below_ : above_) += static_cast<double>(c[channel]);
+      if (c[channel] < least_) {
+        least_ = c[channel];
+        least_at_ = {x, rows_};
+      }
+      c[channel] = std::max(c[channel], 0.0f);
       brightest_ = std::max(brightest_, c[channel]);
     }
     const glm::dvec3 color(c[0], c[1], c[2]);
@@ -26,6 +32,11 @@ bool SkySurvey::AddRow(std::span<const float> row, uint32_t& bad_x) {
   }
   ++rows_;
   return true;
+}
+
+std::optional<glm::uvec2> SkySurvey::NegativePixel() const {
+  constexpr double kMost = 1e-4;
+  return -below_ > kMost * above_ ? std::optional(least_at_) : std::nullopt;
 }
 
 bool SkySurvey::Finish() {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -16,9 +18,12 @@ class SkySurvey {
   /// Requires: `width` as SkyCells.
   explicit SkySurvey(uint32_t width);
 
-  /// Adds the next row of the first pass: three channels a texel. Returns: false where a value is negative or
-  /// no number; then `bad_x` is its column.
-  bool AddRow(std::span<const float> row, uint32_t& bad_x);
+  /// Adds the next row of the first pass: three channels a texel. Negative values become 0. Returns: false
+  /// where a value is no number; then `bad_x` is its column.
+  bool AddRow(std::span<float> row, uint32_t& bad_x);
+  /// The pixel with the least value, if negative values are more than a ten-thousandth of all: lossy
+  /// compression leaves fewer beside bright pixels. Requires: the first pass has ended.
+  std::optional<glm::uvec2> NegativePixel() const;
   /// Ends the first pass. Returns: whether the sky has any light: a radiance above 1e-30.
   bool Finish();
   /// The exponent with which the brightest texel is a half float of [2^14, 2^15). Requires: Finish().
@@ -35,7 +40,9 @@ class SkySurvey {
   SkyCells cells_;
   uint32_t rows_ = 0;
   glm::dvec3 sum_{0};
-  float brightest_ = 0;
+  float brightest_ = 0, least_ = 0;
+  glm::uvec2 least_at_{0};
+  double below_ = 0, above_ = 0;  ///< sums of negative values and of the others
   int32_t exponent_ = 0;
   std::vector<double> weights_;             ///< by cell
   std::vector<SkyTable::Divided> divided_;  ///< by ascending cell
