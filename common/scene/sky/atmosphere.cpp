@@ -176,12 +176,13 @@ class Scattered {
     const double share = static_cast<double>(level) / (kLevels - 1);
     return (kTop - kGround) * share * share * share * share;
   }
+  static size_t RowOf(size_t direction) { return direction / kTurns; }
   static double CosineOf(size_t direction) {
-    return -1 + 2 * (static_cast<double>(direction / kTurns) + 0.5) / kCosines;
+    return -1 + 2 * (static_cast<double>(RowOf(direction)) + 0.5) / kCosines;
   }
   /// A direction within a cell; x lies on the sun's side. `a`, `b`: in [0, 1].
   static dvec3 Within(size_t direction, double a, double b) {
-    const double cosine = -1 + 2 * (static_cast<double>(direction / kTurns) + a) / kCosines;
+    const double cosine = -1 + 2 * (static_cast<double>(RowOf(direction)) + a) / kCosines;
     double sine = 0, turn = 1;
     SinCos(kPi * (static_cast<double>(direction % kTurns) + b) / kTurns, sine, turn);
     const double side = std::sqrt(std::max(1 - cosine * cosine, 0.0));
