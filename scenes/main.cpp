@@ -105,8 +105,8 @@ void DeclareArguments(CLI::App& app, Arguments& arguments) {
     if (kind == "plant")
       scene
           ->add_option("--lamps", arguments.options.lamps,
-                       "Tubes that shine, at most a quarter of the triangles")
-          ->check(WholeNumber(0, kMostTriangles / 4))
+                       "Tubes that shine, two of the triangles each; 1000 are left at least")
+          ->check(WholeNumber(0, kMostTriangles / 2))
           ->capture_default_str();
     scene->add_option("-o,--output", arguments.output, "OUT.ply (binary) or OUT.obj")->required();
     scene->add_flag("--force", arguments.force, "Replace files of other kinds too");
@@ -121,9 +121,11 @@ int Run(const Arguments& arguments) {
   CatchSignals();
   Progress progress(arguments.quiet);
   Status written = CheckSceneOutputs(arguments.output, arguments.force);
-  if (arguments.options.lamps > arguments.options.triangles / 4)
-    written = BadUsage(fmt::format("--lamps must be at most a quarter of the triangles, {}",
-                                   arguments.options.triangles / 4));
+  const uint64_t most_lamps = (arguments.options.triangles - kFewestTriangles) / 2;
+  if (arguments.options.lamps > most_lamps)
+    written = BadUsage(
+        fmt::format("--lamps must be at most {}, since each takes two of the triangles and {} must be left",
+                    most_lamps, kFewestTriangles));
   if (written) {
     const auto scene = MakeScene(arguments.kind, arguments.options);
     written = WriteScene(*scene, arguments.options, arguments.output, std::ref(progress));

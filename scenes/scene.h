@@ -20,7 +20,7 @@ struct SceneOptions {
   uint64_t triangles = 1000000;
   uint64_t seed = 1;
   bool colors = true;  ///< of vertices
-  /// Of a plant: tubes that shine, two of its triangles each. Requires: at most a quarter of `triangles`.
+  /// Of a plant: tubes that shine, two of its triangles each. Requires: kFewestTriangles are left.
   uint64_t lamps = 0;
 };
 

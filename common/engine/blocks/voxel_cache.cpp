@@ -10,7 +10,8 @@ namespace quarry {
 
 namespace {
 
-/// What a cache may lend. The scene's largest block and any page of an environment fit into the rest.
+/// The most bytes that a cache may lend. The rest holds the scene's largest block or any page of an
+/// environment.
 uint64_t MostLent(const Catalog& catalog, uint64_t budget) {
   constexpr uint64_t kShare = 8, kLeastBudget = 1u << 20;
   const uint64_t most = budget / kShare;

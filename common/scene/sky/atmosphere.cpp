@@ -27,7 +27,7 @@ constexpr double kSunRadius = 0.00465;                   ///< radians
 double Exp(double x) { return Exp2(x * 1.44269504088896341); }
 dvec3 Exp(const dvec3& x) { return {Exp(x.x), Exp(x.y), Exp(x.z)}; }
 
-/// What a kilometre of air scatters and takes at a distance from the earth's centre.
+/// Shares of light that a kilometre of air scatters, by air and by haze, and takes in all.
 struct Medium {
   dvec3 air, taken;
   double haze;
@@ -42,7 +42,7 @@ double HazePhase(double c) {
   return 3 / (8 * kPi) * (1 - g * g) * (1 + c * c) / ((2 + g * g) * wide * std::sqrt(wide));
 }
 
-/// Air with haze, and what comes of light on its way through. Units: km; cosines are of angles from the
+/// Air with haze, and the shares of light that pass through it. Units: km; cosines are of angles from the
 /// zenith.
 class Air {
  public:
@@ -147,8 +147,8 @@ class Scattered {
     for (size_t i = 0; i < source.size(); ++i) sent_[i] += source[i] * factor / (dvec3(1) - factor);
   }
 
-  /// What a kilometre of air sends into the direction opposite to the given one. `turn`: radians from the
-  /// sun's side, [0, pi].
+  /// The light that a kilometre of air scatters toward a viewer who looks into this direction. `turn`: radians
+  /// from the sun's side, in [0, pi].
   dvec3 Sent(double height, double cosine, double turn) const {
     const double l = std::sqrt(std::sqrt(std::clamp(height / (kTop - kGround), 0.0, 1.0))) * (kLevels - 1);
     const double m = std::clamp((cosine + 1) / 2 * kCosines - 0.5, 0.0, kCosines - 1.0);
@@ -216,7 +216,7 @@ class Scattered {
     return shares;
   }
 
-  /// What comes straight from the sun, scattered once.
+  /// The sun's light that a level scatters, into each direction.
   void FirstSource(size_t level, dvec3* source) const {
     const double radius = kGround + HeightOf(level);
     const Medium m = air_.At(radius);
@@ -251,7 +251,7 @@ class Scattered {
     }
   }
 
-  /// What a level sends of the light there. Returns: the sum.
+  /// The light that a level scatters, of the light there. Returns: its sum over the directions.
   dvec3 Scatter(size_t level, const dvec3* light, dvec3* source) const {
     // Air: 1 + cos^2 needs the sum of the light and its second moments.
     std::array<dvec3, 5> moments{};

@@ -1,5 +1,5 @@
 """Blender's side of tests/bench/pictures/cycles: reads a scene of cycles_scenes.py from FOLDER and renders it with Cycles, one EXR a seed.
-gallery_blender.py takes its lights, cameras and options from here. Run by that bench: blender -b --factory-startup --python-exit-code 1 --python cycles_blender.py -- FOLDER NAME SIZE SAMPLES SEEDS
+gallery_blender.py takes its lights, cameras and options from here. Run by that bench: blender -b --factory-startup --python-exit-code 1 --python cycles_blender.py -- FOLDER NAME SIZE SAMPLES SEED,SEED...
 Reads FOLDER/NAME.json and FOLDER/NAME.npz; writes FOLDER/NAME.cycles.SEED.exr, linear floats of 32 bits, and FOLDER/NAME.cycles.json, the seconds of each. A picture
 of one sample goes before, so that none of them builds Cycles' tree."""
 import json

@@ -413,6 +413,11 @@ class Sentences(Case):
         self.must_fail(1, r"nosuch\.json: .*looked for in", "quarry", "render", self.path("s.quarry"), "-o", self.path("x.png"),
                        "--camera-path", "nosuch.json")
         self.must_fail(2, "write 1000000", "quarry-scene", "plant", "--triangles", "1M", "-o", self.path("x.ply"))
+        self.must_fail(2, "--lamps must be at most 500", "quarry-scene", "plant", "--triangles", 2000, "--lamps", 501,
+                       "-o", self.path("x.ply"))
+        self.must_fail(2, "--lamps", "quarry-scene", "city", "--triangles", 1000, "--lamps", 2, "-o", self.path("x.ply"))
+        self.must("quarry-scene", "plant", "--triangles", 2000, "--lamps", 500, "-o", self.path("lamps.ply"), "--quiet")
+        self.assertIn(b"element face 2000\n", pathlib.Path(self.path("lamps.ply")).read_bytes())
 
     def test_a_file_that_is_no_model_is_named_once(self):
         (self.folder / "x.zip").write_bytes(b"PK\3\4" + bytes(40))

@@ -235,7 +235,8 @@ PathLights::Sample PathLights::Toward(const Vertex& vertex, const glm::vec2& cho
   const Entry& entry = entries_[chosen];
   const glm::vec3& position = vertex.position;
   if (entry.emitters) {
-    // The way through the tree needs more bits than one number has: those that chose the entry are left over.
+    // One number has too few bits for the tree. The number that chose the entry has bits left, which are
+    // added.
     const uint32_t begin = chosen == 0 ? 0 : chosen_below_[chosen - 1];
     const double left_over =
         (static_cast<double>(choice.x) * kNumbers - begin) / (chosen_below_[chosen] - begin);
