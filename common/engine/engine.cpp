@@ -137,29 +137,7 @@ int Engine::MostUrgent(const Tiles& tiles, bool ready) {
 bool Engine::MayOpen(const Tiles& tiles) const {
   if (tiles.open.empty()) return true;
   if (tiles.open.size() >= kMostOpenTiles && !cache_.scarce()) return false;
-  const size_t bytes = tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1);
-  return bytes <= TileBytes() + tiles.borrowed;
-}
-
-/// Takes a part of a scarce cache's memory for one more tile. Returns: whether it was there. Requires: a tile
-/// is queued, and one is open.
-bool Engine::MayBorrow(Tiles& tiles) {
-  const size_t bytes = tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1);
-  const size_t wanted = bytes - std::min(bytes, TileBytes());
-  if (!cache_.scarce() || wanted > kMostBorrowed) return false;
-  if (!cache_.ChangeLoan(tiles.borrowed, std::max(wanted, tiles.borrowed))) return false;
-  tiles.borrowed = std::max(wanted, tiles.borrowed);
-  return true;
-}
-
-/// Returns borrowed memory once the open tiles fit without it.
-void Engine::GiveBack(Tiles& tiles) {
-  if (tiles.borrowed == 0) return;
-  size_t bytes = 0;
-  for (const Tiles::Open& tile : tiles.open) bytes += tile.renderer->memory_bytes();
-  if (bytes > TileBytes()) return;
-  tiles.spare.clear();
-  cache_.ChangeLoan(std::exchange(tiles.borrowed, 0), 0);
+  return tiles.open.back().renderer->memory_bytes() * (tiles.open.size() + 1) <= TileBytes();
 }
 
 /// Opens a queued tile of this urgency or a higher one.
@@ -211,7 +189,6 @@ void Engine::CloseTiles(Tiles& tiles) {
     tiles.spare.push_back(std::move(open.renderer));
     tiles.open.erase(tiles.open.begin() + static_cast<std::ptrdiff_t>(i));
   }
-  GiveBack(tiles);
 }
 
 /// Takes delivered blocks. With `wait`, sleeps until there is something to do; `stalled` means that the
@@ -247,9 +224,7 @@ void Engine::Run(Mailbox& mailbox) {
   } catch (const std::bad_alloc&) {
   }
   open_ -= static_cast<uint32_t>(tiles.open.size());
-  const size_t borrowed = tiles.borrowed;
   tiles = {};  // returns memory before the fault is reported
-  cache_.ChangeLoan(borrowed, 0);
   if (on_fault_) on_fault_();
 }
 
@@ -260,8 +235,7 @@ void Engine::Work(Mailbox& mailbox, Tiles& tiles) {
     const int going = MostUrgent(tiles, true);
     bool ready = going >= 0;
     // A more urgent tile than all that are open finds room beside them.
-    const bool may_open = MayOpen(tiles) || (!ready && queued_ >= 0 && MayBorrow(tiles));
-    const int least = may_open ? going + 1 : MostUrgent(tiles, false) + 1;
+    const int least = MayOpen(tiles) ? going + 1 : MostUrgent(tiles, false) + 1;
     if (queued_ >= least || !ready) ready = OpenTile(tiles, least) || ready;
     // A waiting thread holds no pins: another thread's block may need the room.
     if (!ready || batch % kBatchesPerPin == 0) pins.Release();

@@ -31,9 +31,6 @@ class Engine {
   /// 72 KiB with bouncing rays, cut-outs 17 KiB, lines at edges 42 KiB. Chosen by
   /// `tests/bench/pictures/voxel_chains`, frame 20: 117 loads; 181 with 3.5 MiB a thread and nothing shared.
   static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
-  /// Limit of the part of a scarce cache's memory that a thread takes for more open tiles, see
-  /// VoxelCache::ChangeLoan(). Their rays share loads. Figures: tests/bench/history/path.md.
-  static constexpr size_t kMostBorrowed = 32u << 20;
   /// Called on a compute thread.
   using OnTile = std::function<void(RenderedTile)>;
 
@@ -98,7 +95,6 @@ class Engine {
     };
     std::vector<Open> open;
     std::vector<std::unique_ptr<TileRenderer>> spare;
-    size_t borrowed = 0;  ///< bytes of the cache's limit
   };
   std::shared_ptr<const ShownParts> ShownOf(const ViewParts& parts);
   void Queue(Queued next);
@@ -107,8 +103,6 @@ class Engine {
   void Stop();
   static int MostUrgent(const Tiles& tiles, bool ready);
   bool MayOpen(const Tiles& tiles) const;
-  bool MayBorrow(Tiles& tiles);
-  void GiveBack(Tiles& tiles);
   size_t TileBytes() const { return kOpenTileBytes + kSharedTileBytes / mailboxes_.size(); }
   bool OpenTile(Tiles& tiles, int least);
   void NoteQueued();

@@ -8,18 +8,6 @@
 
 namespace quarry {
 
-namespace {
-
-/// The most bytes that a cache may lend. The rest holds the scene's largest block or any page of an
-/// environment.
-uint64_t MostLent(const Catalog& catalog, uint64_t budget) {
-  constexpr uint64_t kShare = 8, kLeastBudget = 1u << 20;
-  const uint64_t most = budget / kShare;
-  return budget >= kLeastBudget && catalog.meta.largest_decoded <= budget - most ? most : 0;
-}
-
-}  // namespace
-
 void Mailbox::Deliver(BlockKey block, VoxelCache& from) {
   {
     const std::lock_guard lock(mutex_);
@@ -54,7 +42,6 @@ std::vector<BlockKey> Mailbox::Take(bool wait) {
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
     : budget_(budget_bytes),
-      most_lent_(MostLent(catalog, budget_bytes)),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
       on_change_(std::move(on_change)),
@@ -229,34 +216,16 @@ bool VoxelCache::TryEvict(BlockKey block) {
 
 bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
-  QUARRY_CHECK_LE(bytes, budget_ - lent_);
-  if (!scarce()) asked_loan_ = 0;
-  while (used_ + lent_ + bytes + asked_loan_ > budget_) {
+  QUARRY_CHECK_LE(bytes, budget_);
+  while (used_ + bytes > budget_) {
     if (EvictOne(evicted)) continue;
-    if (used_ + lent_ + bytes <= budget_) break;  // the loan must wait
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the
     // flag.
     starved_.store(true);
-    if (!EvictOne(evicted)) {
-      spare_ = PageBuffer();  // its room may be lent now
-      return false;
-    }
+    if (!EvictOne(evicted)) return false;
     starved_.store(false);
   }
   used_ += bytes;
-  return true;
-}
-
-bool VoxelCache::ChangeLoan(uint64_t from, uint64_t to) {
-  const std::lock_guard lock(mutex_);
-  const uint64_t lent = lent_ - from + to;
-  if (to > from) {
-    // Before the first eviction the limit may be taken already, by UseFirst().
-    if (counters_.evictions == 0 || lent > most_lent_) return false;
-    asked_loan_ = used_ + lent <= budget_ ? 0 : to - from;
-    if (asked_loan_ > 0) return false;
-  }
-  lent_ = lent;
   return true;
 }
 

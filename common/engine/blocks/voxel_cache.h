@@ -91,10 +91,6 @@ class VoxelCache {
   bool scarce() const { return wanted_bytes_.load(std::memory_order_relaxed) > budget_ / 2; }
   /// Notes that the owner of a mailbox has used `blocks` delivered blocks.
   void Used(uint32_t blocks);
-  /// Changes the memory that a thread has for its rays from `from` to `to` bytes. It is a part of the limit;
-  /// all threads together have an eighth of it at most. Returns: false when there is no room for more. The
-  /// loader then frees as much while the cache is scarce, so that a later call succeeds.
-  bool ChangeLoan(uint64_t from, uint64_t to);
 
   // --- the loader's thread
   /// Takes the wanted block to request next and marks it as loading. In a scarce cache it is the next of the
@@ -155,7 +151,7 @@ class VoxelCache {
   PageSlabs slabs_;    ///< outlives the blocks; the loader's
   PageBuffer spare_;   ///< of the last evicted block, until reused; the loader's
   PageBuffer unused_;  ///< the rest of UseFirst()'s memory; the loader's
-  const uint64_t budget_, most_lent_;
+  const uint64_t budget_;
   std::function<void()> on_want_, on_space_;
   std::function<void(BlockKey, bool)> on_change_;
   BlockSlots slots_;
@@ -169,7 +165,6 @@ class VoxelCache {
   Sweep sweep_{order_};
   std::vector<Resident> residents_;  ///< a heap, the least `used` first
   uint64_t used_ = 0;
-  uint64_t lent_ = 0, asked_loan_ = 0;  ///< part of the limit; what ChangeLoan() had no room for
   Counters counters_;
 };
 

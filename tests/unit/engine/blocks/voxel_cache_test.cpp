@@ -122,62 +122,6 @@ TEST_CASE("Pages are cut off in front") {
   CHECK(all.bytes().empty());
 }
 
-TEST_CASE("A cache lends an eighth of its limit, and blocks make room for it", "[loan]") {
-  constexpr uint64_t kLarge = 100000, kLimit = 20 * kLarge, kLoan = 150000;
-  Fixture f(kLimit, test::CatalogOf(30, kLarge));
-  Mailbox mailbox;
-  for (uint32_t number = 40; number < 51; ++number) f.cache.Want(test::VoxelBlock(number), &mailbox, 1);
-  REQUIRE(f.cache.scarce());
-  const auto load_all = [&] {
-    for (uint32_t number = 0; number < 30; ++number) {
-      const BlockKey block = test::VoxelBlock(number);
-      if (f.cache.TryPin(block))
-        f.cache.Unpin(block);
-      else
-        REQUIRE(f.Load(block));
-    }
-  };
-  CHECK_FALSE(f.cache.ChangeLoan(0, kLoan));  // nothing was evicted yet
-  load_all();
-  CHECK(f.cache.counters().bytes == kLimit);
-  CHECK_FALSE(f.cache.ChangeLoan(0, kLoan));
-  CHECK(f.cache.counters().bytes == kLimit);
-  load_all();
-  CHECK(f.cache.counters().bytes <= kLimit - kLoan);
-  REQUIRE(f.cache.ChangeLoan(0, kLoan));
-  CHECK_FALSE(f.cache.ChangeLoan(kLoan, kLimit / 8 + 1));
-  load_all();
-  CHECK(f.cache.counters().bytes == 18 * kLarge);
-  CHECK(f.cache.ChangeLoan(kLoan, 0));
-  load_all();
-  CHECK(f.cache.counters().bytes == kLimit);
-  // A loan that has no room keeps no block out.
-  std::vector<BlockKey> pinned;
-  for (uint32_t number = 0; number < 30; ++number)
-    if (f.cache.TryPin(test::VoxelBlock(number))) pinned.push_back(test::VoxelBlock(number));
-  f.cache.Unpin(pinned.back());
-  pinned.pop_back();
-  CHECK_FALSE(f.cache.ChangeLoan(0, kLoan));
-  const uint64_t before = f.cache.counters().loaded;
-  for (uint32_t number = 0; number < 30 && f.cache.counters().loaded == before; ++number) {
-    const BlockKey block = test::VoxelBlock(number);
-    if (!f.cache.TryPin(block))
-      CHECK(f.Load(block));
-    else
-      f.cache.Unpin(block);
-  }
-  CHECK(f.cache.counters().loaded == before + 1);
-  for (const BlockKey block : pinned) f.cache.Unpin(block);
-}
-
-TEST_CASE("A cache that the largest block nearly fills lends nothing", "[loan]") {
-  constexpr uint32_t kLarge = 1000000;
-  Fixture f(kLarge + kLarge / 10, test::CatalogOf(2, kLarge));
-  for (uint32_t number = 0; number < 4; ++number) REQUIRE(f.Load(test::VoxelBlock(number)));
-  CHECK_FALSE(f.cache.ChangeLoan(0, 1000));
-  CHECK_FALSE(f.cache.ChangeLoan(0, 1000));
-}
-
 TEST_CASE("Pinned blocks stay") {
   Fixture f(kBlock);
   REQUIRE(f.Load(1_b));
