@@ -44,7 +44,7 @@ async def run_all(stage, seeds, able, jobs, keep, watched):
     # Whether its workers ask each other for enough blocks is a matter of chance.
     for _ in range(3):
         undisturbed = await run_seed(stage, 0, set(), keep, watched)
-        if not undisturbed["wrong"] or not all("bytes between workers" in wrong for wrong in undisturbed["wrong"]):
+        if not undisturbed["wrong"] or not all("blocks between workers" in wrong for wrong in undisturbed["wrong"]):
             break
     if undisturbed["result"] != "ok":
         return [undisturbed]

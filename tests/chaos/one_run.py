@@ -1,5 +1,6 @@
 """One seeded run: a cluster behind links that can be hurt, a walk, faults, and the checks of the images and of the spool afterwards."""
 import asyncio
+import json
 import os
 import pathlib
 import random
@@ -22,7 +23,6 @@ START_S = 60  # until the cluster's programs listen
 UNDISTURBED_S = 120  # for the undisturbed one itself
 MARK = "QUARRY_CHAOS_RUN"
 OUTPUT_DISK, SPOOL_DISK = "1M", "1M"
-LEAST_FROM_PEERS = 10000  # bytes, some blocks of this scene: that workers ask each other at all
 FRAMES_BEFORE_JOIN = 3  # of the undisturbed walk's last worker
 VIEWER_S = 60  # after the walk, until a viewer has an exact picture
 LINK_RATE = 300000  # bytes a second: slow enough that a walk takes some seconds, most of them on the way
@@ -120,7 +120,8 @@ class Run:
             await self._start_worker(name)
         address = await self._link("to-client", 9100, 9000)
         await self._program("client", "quarry", "render", self.stage.store, *self.stage.render_options(self.mode), "-o",
-                            self.folder / "out/f.png", "--master", address, restart=False)
+                            self.folder / "out/f.png", "--master", address, *(() if self.seed else ("--stats", self.folder / "stats.json")),
+                            restart=False)
 
     async def _start_worker(self, name):
         i = self.workers.index(name)
@@ -187,6 +188,7 @@ class Run:
                 "mode": self.mode, "schedule": self.schedule, "tls": self.tls, "workers": len(self.workers), "servers": len(self.servers),
                 "faults": [str(fault) for fault in self.faults], "met": sum("healed" not in event for event in self.events),
                 "bits_flipped": sum(link.flipped for link in self.links.values()), "bytes_of_peers": self._bytes_of_peers(),
+                "blocks_of_peers": self._blocks_of_peers(),
                 "frames_seen": self.viewer.frames if self.viewer else None, "own_ends": restarts, "wrong": self.wrong}
 
     async def _end(self):
@@ -201,6 +203,12 @@ class Run:
     def _bytes_of_peers(self):
         return sum(link.bytes for name, link in self.links.items() if name.startswith("peers-to-"))
 
+    def _blocks_of_peers(self):
+        """Bytes of blocks that workers have had from each other in the undisturbed walk."""
+        if not (stats := self.folder / "stats.json").exists():
+            return 0
+        return sum(worker["voxel_bytes_from_peer"] for worker in json.loads(stats.read_text())["frames"][-1]["workers"])
+
     def _check(self):
         images = {path.name: path for path in (self.folder / "out").iterdir()}
         expected = self.stage.images[self.mode]
@@ -211,8 +219,8 @@ class Run:
                 self.wrong.append(f"{name} is not the undisturbed image")
         if left := [str(path.relative_to(self.folder)) for path in (self.folder / "spool").rglob("*") if path.name != "jobs.lock"]:
             self.wrong.append(f"left in the spool: {left}")
-        if not self.faults and self._bytes_of_peers() < LEAST_FROM_PEERS:
-            self.wrong.append(f"only {self._bytes_of_peers()} bytes between workers")
+        if not self.seed and not self._blocks_of_peers():
+            self.wrong.append("no blocks between workers")
         if left := left_over(self.mark):
             self.wrong.append(f"processes left: {left}")
         # A worker that was started amid flipped bits may take the master for a stranger, as one may whose master has changed its scene:

@@ -147,8 +147,8 @@ class Scattered {
     for (size_t i = 0; i < source.size(); ++i) sent_[i] += source[i] * factor / (dvec3(1) - factor);
   }
 
-  /// The light that a kilometre of air scatters toward a viewer who looks into this direction. `turn`: radians
-  /// from the sun's side, in [0, pi].
+  /// The light that a kilometre of air scatters toward a viewer who looks into this direction. `turn`:
+  /// radians from the sun's side, in [0, pi].
   dvec3 Sent(double height, double cosine, double turn) const {
     const double l = std::sqrt(std::sqrt(std::clamp(height / (kTop - kGround), 0.0, 1.0))) * (kLevels - 1);
     const double m = std::clamp((cosine + 1) / 2 * kCosines - 0.5, 0.0, kCosines - 1.0);
