@@ -15,6 +15,7 @@
 #include "preprocess/partition/split.h"
 #include "preprocess/partition/voxel_builder.h"
 #include "preprocess/smooth/smooth_region.h"
+#include "preprocess/texture/emission_means.h"
 
 namespace quarry {
 namespace {
@@ -210,7 +211,7 @@ Status BuildStage::Finish(PreprocessStatistics& statistics) {
   statistics.textures = textures_.Statistics(*writer_);
   statistics.warnings += statistics.textures.left_out;
   textures_.Renumber(scene_.materials, *writer_);
-  writer_->SetEmitters(std::move(scene_.emitters));
+  QUARRY_TRY(GiveEmitters(std::move(scene_.emitters), scene_.materials, work_.store(), *writer_));
   QUARRY_ASSIGN(statistics.scene_id, writer_->Finish(meta, top, scene_.materials, scene_.parts, scene_.views,
                                                      ModelNamesOf(options_)));
   statistics.store_bytes = writer_->bytes_written();

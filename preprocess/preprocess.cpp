@@ -28,7 +28,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 /// Version of the journal's checkpoints, and of everything a store depends on that no option states.
-constexpr int kJournalVersion = 11;
+constexpr int kJournalVersion = 12;
 
 /// The options that a store depends on, a line each, as the journal keeps them.
 std::string Command(const PreprocessOptions& options) {

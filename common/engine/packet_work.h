@@ -7,7 +7,7 @@
 #include "common/engine/integrators/scatter_packet.h"
 #include "common/engine/rays/ray_batch.h"
 #include "common/engine/sample_packet.h"
-#include "common/engine/surfaces/cut_packet.h"
+#include "common/engine/surfaces/see_through/cut_packet.h"
 #include "common/engine/surfaces/texture_lookups.h"
 #include "common/engine/surfaces/texture_packet.h"
 #include "common/engine/view_context.h"
@@ -17,6 +17,7 @@ namespace quarry {
 class PendingRays;
 class TileFilm;
 struct PathPacket;
+struct TintPacket;
 
 /// Resizes memory of a tile, and gives it back if nothing is left.
 template <class T>
@@ -50,6 +51,7 @@ struct PacketWork {
   SamplePacket& samples;
   TextureLookups* const lookups;  ///< null: no textures are looked up
   CutPacket* const cut;           ///< null: all hits count
+  TintPacket* const tints;        ///< null: no texture tints light
   PathPacket* const path;         ///< null: the integrator needs none
   PendingRays& pending;
   TileFilm& film;

@@ -9,10 +9,11 @@
 #include "common/engine/integrators/integrator.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/find_surfaces.h"
-#include "common/engine/surfaces/hit_filter.h"
 #include "common/engine/surfaces/look_up_textures.h"
 #include "common/engine/surfaces/properties.h"
 #include "common/engine/surfaces/section_clip.h"
+#include "common/engine/surfaces/see_through/hit_filter.h"
+#include "common/engine/surfaces/see_through/pane_tints.h"
 #include "common/engine/surfaces/shown_parts.h"
 
 namespace quarry {
@@ -50,6 +51,7 @@ void StartCones(PacketWork& work, uint64_t lanes) {
     work.lookups->cone_spread[i] = cone.spread;
   });
   work.lookups->looked_up &= ~lanes;
+  work.lookups->sharp_emission &= ~lanes;
 }
 
 }  // namespace
@@ -95,6 +97,7 @@ void TileRenderer::BeginPass(RaySource& source, const Integrator& integrator) {
   samples_.resize(packets);
   Fit(lookups_, makes_pixels_ && view_->texture_uses != 0 ? packets : 0);
   Fit(cuts_, view_->filter ? packets : 0);
+  Fit(tints_, makes_pixels_ && view_->tints_light ? packets : 0);
   Fit(paths_, needs.paths ? packets : 0);
   pending_.Open(packets, needs.pending_rays, !lookups_.empty());
   for (uint32_t packet = 0; packet < packets; ++packet) {
@@ -118,6 +121,7 @@ PacketWork TileRenderer::WorkOn(uint32_t packet, PinnedBlocks* pins) {
           samples_[packet],
           lookups_.empty() ? nullptr : &lookups_[packet],
           cuts_.empty() ? nullptr : &cuts_[packet],
+          tints_.empty() ? nullptr : &tints_[packet],
           paths_.empty() ? nullptr : &paths_[packet],
           pending_,
           film_,
@@ -222,6 +226,7 @@ void TileRenderer::Traced(PacketWork& work, uint64_t lanes, bool any) {
   if (const uint64_t in_light = missed & s.at[SamplePacket::kPass]) integrator_->Passed(work, in_light);
   const uint64_t stopped = lanes & ~missed & s.at[SamplePacket::kPass];
   s.Move(stopped, SamplePacket::kPass, SamplePacket::kTint);
+  BeginTints(work, stopped);
   const uint64_t lost = missed & s.at[SamplePacket::kTraverse];
   const uint64_t hit = lanes & ~missed & s.at[SamplePacket::kTraverse];
   s.Move(lost, SamplePacket::kTraverse, SamplePacket::kNext);
@@ -289,7 +294,7 @@ void TileRenderer::TakeNext(PacketWork& work, uint64_t lanes) {
 size_t TileRenderer::memory_bytes() const {
   const auto bytes = [](const auto& v) { return v.size() * sizeof(v[0]); };
   return source_->memory_bytes() + batch_.memory_bytes() + bytes(samples_) + bytes(lookups_) + bytes(cuts_) +
-         bytes(paths_) + pending_.memory_bytes() + film_.memory_bytes();
+         bytes(tints_) + bytes(paths_) + pending_.memory_bytes() + film_.memory_bytes();
 }
 
 RenderedTile TileRenderer::Take() {

@@ -14,6 +14,7 @@
 #include "common/engine/sources/edge_rays.h"
 #include "common/engine/sources/eye_rays.h"
 #include "common/engine/sources/ray_list.h"
+#include "common/engine/surfaces/see_through/tint_packet.h"
 
 namespace quarry {
 
@@ -92,6 +93,7 @@ class TileRenderer {
   std::vector<SamplePacket> samples_;
   std::vector<TextureLookups> lookups_;  ///< empty where the view has no textures
   std::vector<CutPacket> cuts_;          ///< empty where all hits count
+  std::vector<TintPacket> tints_;        ///< empty where no texture tints light
   std::vector<PathPacket> paths_;        ///< empty where the integrator needs none
   PendingRays pending_;
   TileFilm film_;

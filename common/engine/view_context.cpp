@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "common/engine/integrators/make_integrator.h"
-#include "common/engine/surfaces/cut_outs.h"
 #include "common/engine/surfaces/section_clip.h"
+#include "common/engine/surfaces/see_through/cut_outs.h"
 #include "common/engine/surfaces/shown_parts.h"
 #include "common/scene/view_basis.h"
 
@@ -54,6 +54,8 @@ ViewContext::ViewContext(View a_view, const Catalog& scene, std::shared_ptr<cons
       colors_parts(shown && !shown->selection().colors.empty()),
       has_attributes(integrator->needs().attributes),
       texture_uses(UsesFor(view, *surfaces, *integrator)),
+      tints_light((texture_uses & UseBit(TextureUse::kDiffuse)) != 0 && surfaces->tints_light() &&
+                  InfoOf(view.mode).uses_lights),
       cone(PixelConeOf(view)),
       top(shown ? shown->top() : scene.top_tree()),
       camera(view.camera, view.width, view.height, scene.meta.root_lower, scene.meta.root_upper),

@@ -43,6 +43,7 @@ struct ViewContext {
   const bool makes_caps, colors_parts;
   const bool has_attributes;       ///< whether surfaces have the normals, uv and colours of their vertices
   const TextureUses texture_uses;  ///< of textures that the picture needs; 0: of none
+  const bool tints_light;          ///< whether some of these tint light on its way through panes
   const PixelCone cone;
   const TopTree top;
   const Camera camera;

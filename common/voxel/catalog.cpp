@@ -224,7 +224,10 @@ uint64_t Catalog::DecodedBytes() const {
 }
 
 bool Shines(const Catalog& catalog) {
-  if (catalog.names_emitters) return !catalog.emitters.empty();
+  if (catalog.names_emitters)
+    return std::ranges::any_of(catalog.emitters, [&](const Emitter& emitter) {
+      return !EmissionMapOf(catalog.materials[emitter.material]);
+    });
   return std::ranges::any_of(catalog.materials,
                              [](const Material& m) { return !m.unlit && m.emission != glm::vec3(0); });
 }
@@ -367,7 +370,9 @@ Result<Catalog> DecodeCatalog(const SceneId& id, const std::vector<SectionView>&
   QUARRY_TRY(DecodeMaterials(Find(sections, SectionType::kMaterials)->bytes, catalog));
   QUARRY_TRY(DecodeTexturing(sections, places, catalog));
   if (const SectionView* emitters = Find(sections, SectionType::kEmitters)) {
-    QUARRY_ASSIGN(catalog.emitters, DecodeEmitters(emitters->bytes, catalog));
+    const SectionView* mapped = Find(sections, SectionType::kMappedEmitters);
+    const std::span<const std::byte> none;
+    QUARRY_ASSIGN(catalog.emitters, DecodeEmitters(emitters->bytes, mapped ? mapped->bytes : none, catalog));
     catalog.names_emitters = true;
   }
   if (const SectionView* sky = Find(sections, SectionType::kEnvironment))

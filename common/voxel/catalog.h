@@ -46,6 +46,7 @@ enum class SectionType : uint32_t {
   kVoxelParts = 0x54525056,        // "VPRT"
   kPartAttributes = 0x54544150,    // "PATT"
   kEmitters = 0x54494D45,          // "EMIT"
+  kMappedEmitters = 0x50414D45,    // "EMAP"
   kModels = 0x534C444D,            // "MDLS"
   kEnvironment = 0x52564E45,       // "ENVR"
 };
@@ -185,8 +186,9 @@ struct Catalog {
 /// Whether nothing but shape tells the surfaces of a scene apart: no textures, no colours of vertices, and
 /// one colour of all materials.
 bool IsPlain(const Catalog& catalog);
-/// Whether some triangles shine, so that a picture needs no other light. Where the store names no emitters, a
-/// material tells.
+/// Whether some triangles shine, so that a picture needs no other light. Triangles with a map of emission do
+/// not count: such maps are mostly displays and small lamps. Where the store names no emitters, a material
+/// tells.
 bool Shines(const Catalog& catalog);
 
 /// The box of the voxels of a leaf, within its cell. Voxels are left out where is_hidden(voxel) is true; a

@@ -34,6 +34,7 @@ constexpr KnownSection kKnown[] = {
     {SectionType::kTextureDirectory, true, kGiB},
     {SectionType::kMaterialTextures, true, 32 << 20},
     {SectionType::kEmitters, true, kMostEmitters* kEmitterBytes},
+    {SectionType::kMappedEmitters, true, kMostEmitters* kMappedEmitterBytes},
     {SectionType::kEnvironment, true, kMostSkyTableBytes},
     {SectionType::kParts, false, kGiB / 4},
     {SectionType::kStrings, false, 4 * kGiB},

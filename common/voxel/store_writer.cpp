@@ -13,7 +13,7 @@
 namespace quarry {
 namespace {
 
-constexpr uint32_t kSceneSections = 17, kEnvironmentSections = 18;
+constexpr uint32_t kSceneSections = 18, kEnvironmentSections = 19;
 
 SceneId HashScene(const std::vector<uint64_t>& logical, const std::vector<WrittenTexture>& textures,
                   const std::vector<std::span<const std::byte>>& sections) {
@@ -232,7 +232,9 @@ Result<SceneId> StoreWriter::Finish(SceneMeta meta, const std::vector<KdNode>& t
   sections.push_back({SectionType::kPartTree, EncodePartTree(parts.facts)});
   sections.push_back({SectionType::kVoxelParts, parts_.bytes});
   sections.push_back({SectionType::kPartAttributes, EncodePartAttributes(parts.attributes)});
-  sections.push_back({SectionType::kEmitters, EncodeEmitters(emitters_)});
+  EmitterSections emitters = EncodeEmitters(emitters_, materials);
+  sections.push_back({SectionType::kEmitters, std::move(emitters.plain)});
+  sections.push_back({SectionType::kMappedEmitters, std::move(emitters.mapped)});
   if (sky_) sections.push_back({SectionType::kEnvironment, sky_->Encode()});
 
   const Bytes facts = EncodeMeta(LogicalMeta(meta)), texture_facts = EncodeTextureFacts(textures);

@@ -1,12 +1,13 @@
 #include "preprocess/ingest/emitter_list.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace quarry {
 
 void EmitterList::NoteMaterial(uint32_t number, const Material& material) {
   if (!Shines(material)) return;
-  const glm::dvec3 e(material.emission);
+  const glm::dvec3 e(EmissionOf(material));
   strengths_[number] = (e.x + e.y + e.z) / 3;
 }
 
@@ -18,6 +19,10 @@ void EmitterList::Add(const TriangleRecord& triangle) {
   ranked.emitter.part = triangle.part;
   ranked.emitter.material = triangle.material;
   std::ranges::copy(triangle.vertices, ranked.emitter.corners);
+  // Shading takes (0, 0) for coordinates that are not finite.
+  for (int i = 0; i < 3; ++i)
+    if (const glm::vec2& uv = triangle.uvs[i]; std::isfinite(uv.x) && std::isfinite(uv.y))
+      ranked.emitter.uvs[i] = uv;
   ranked.power = strength->second * AreaOf(ranked.emitter);
   if (!(ranked.power > 0)) return;
   ranked_.reserve(2 * kMostEmitters);
@@ -37,6 +42,7 @@ void EmitterList::KeepStrongest() {
 std::vector<Emitter> EmitterList::Take() {
   KeepStrongest();
   std::vector<Emitter> emitters;
+  emitters.reserve(ranked_.size());
   for (const Ranked& ranked : ranked_) emitters.push_back(ranked.emitter);
   std::ranges::sort(emitters, {}, &Emitter::triangle);
   ranked_ = {};

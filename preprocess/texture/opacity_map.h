@@ -31,7 +31,7 @@ struct TexelStates {
 
 /// The rule by which a texel's opacity is judged, times `factor`: below `cutoff` transparent, else opaque. A
 /// cutoff of 0 is none: 0 or less is transparent, 1 or more opaque. See TextureBinding. A texel so near the
-/// cutoff that shading's rounding decides is neither (common/engine/surfaces/cut_outs.cpp).
+/// cutoff that shading's rounding decides is neither (common/engine/surfaces/see_through/cut_outs.cpp).
 struct OpacityRule {
   static constexpr float kRounding = 2e-6f;
   float factor = 1, cutoff = 0;

@@ -55,6 +55,10 @@ bool PageBuffer::Resize(size_t bytes) {
     *this = std::move(*other);
     return true;
   }
+  if (WholeMemoryPages(bytes) == WholeMemoryPages(size_)) {
+    size_ = bytes;
+    return true;
+  }
   void* memory = ::mremap(data_, WholeMemoryPages(size_), WholeMemoryPages(bytes), MREMAP_MAYMOVE);
   if (memory == MAP_FAILED) return false;
   data_ = static_cast<std::byte*>(memory);

@@ -37,6 +37,18 @@ uint64_t Sweep::Distance(const Stop& stop) const {
   return least;
 }
 
+void Sweep::Add(const Stop& stop) {
+  for (uint32_t octant = 0; octant < kOctants; ++octant)
+    if ((stop.octants >> octant & 1) != 0)
+      wanted_[octant].emplace(order_.BlockPlace(octant, stop.block), stop.block);
+}
+
+void Sweep::Remove(const Stop& stop) {
+  for (uint32_t octant = 0; octant < kOctants; ++octant)
+    if ((stop.octants >> octant & 1) != 0)
+      wanted_[octant].erase({order_.BlockPlace(octant, stop.block), stop.block});
+}
+
 void Sweep::MoveTo(const Stop& stop) {
   const uint64_t distance = Distance(stop);
   octant_ = static_cast<uint32_t>((octant_ + (distance >> BlockKey::kBits)) % kOctants);

@@ -2,6 +2,9 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "common/voxel/catalog.h"
@@ -42,8 +45,8 @@ class VoxelOrder {
 /// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
 /// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
 /// ends, so each of their voxels is loaded once for all of them. A ray that goes on through a hole, when the
-/// page of its opacity has come, needs another pass. Not thread-safe.
-/// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
+/// page of its opacity has come, needs another pass. Not thread-safe. Memory: some 60 bytes a wanted block
+/// and octant. Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:
   explicit Sweep(const VoxelOrder& order) : order_(order) {}
@@ -53,6 +56,20 @@ class Sweep {
     BlockKey block;
     OctantMask octants;  ///< octants of the waiting rays
   };
+  /// The block is wanted for these octants; or for these no more. Requires: it was not, or it was.
+  void Add(const Stop& stop);
+  void Remove(const Stop& stop);
+  /// The wanted block that comes next, but for those that skips(block).
+  template <class Skips>
+  std::optional<BlockKey> Next(const Skips& skips) const {
+    for (uint32_t turn = 0; turn <= kOctants; ++turn) {
+      const Places& places = wanted_[(octant_ + turn) % kOctants];
+      auto at = turn == 0 ? places.lower_bound({at_, BlockKey()}) : places.begin();
+      while (at != places.end() && skips(at->second)) ++at;
+      if (at != places.end()) return at->second;
+    }
+    return std::nullopt;
+  }
   /// How far ahead of the sweep a block lies; the least distance comes next. A block that the sweep has
   /// passed in the present octant, or that only rays of other octants need, lies in a later turn.
   uint64_t Distance(const Stop& stop) const;
@@ -60,7 +77,9 @@ class Sweep {
   void MoveTo(const Stop& stop);
 
  private:
+  using Places = std::set<std::pair<uint64_t, BlockKey>>;
   const VoxelOrder& order_;
+  std::array<Places, kOctants> wanted_;  ///< by octant: the wanted blocks, by their places
   uint32_t octant_ = 0;
   uint64_t at_ = 0;  ///< the place of the sweep's block
 };

@@ -14,6 +14,7 @@
 #include "common/base/status.h"
 #include "common/engine/blocks/block_slots.h"
 #include "common/engine/blocks/page_slabs.h"
+#include "common/engine/blocks/spare_pages.h"
 #include "common/engine/blocks/sweep.h"
 #include "common/kdtree/voxel_geometry.h"
 #include "common/voxel/block_decoder.h"
@@ -55,6 +56,7 @@ class Mailbox {
 /// The cache of decoded blocks, voxels' and textures', with a limit in bytes. It evicts the least recently
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
+/// Once it evicts blocks, a part of the limit is memory of evicted blocks, a 32nd if it has 16 MiB.
 /// Units: bytes, decoded; a texture's page counts as PageRoom().
 /// Memory beyond the limit: 16 bytes a block of the scene and of its environments.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
@@ -108,7 +110,7 @@ class VoxelCache {
   /// Reserves room for a block and evicts others for it. Returns: false when too much is pinned; on_space is
   /// called when another try may succeed.
   bool Reserve(BlockKey block);
-  /// Takes memory for the block that room was reserved for: of the last evicted block, of UseFirst(), or new.
+  /// Takes memory for the block that room was reserved for: of an evicted block, of UseFirst(), or new.
   /// `small`: out of slabs, for pages of textures. Returns: nothing when the system has no memory.
   std::optional<PageBuffer> TakePages(uint32_t decoded_bytes, bool small = false);
   /// Gives the cache memory to use first. Bytes beyond the limit are returned to the system.
@@ -146,12 +148,13 @@ class VoxelCache {
   void AddResident(const Resident& resident);
   bool MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted);
   /// The wanted block that the sweep comes to next. `loading_too`: blocks that are loading count too.
-  std::optional<Sweep::Stop> NextInSweep(bool loading_too) const;
+  std::optional<BlockKey> NextInSweep(bool loading_too) const;
 
-  PageSlabs slabs_;    ///< outlives the blocks; the loader's
-  PageBuffer spare_;   ///< of the last evicted block, until reused; the loader's
-  PageBuffer unused_;  ///< the rest of UseFirst()'s memory; the loader's
-  const uint64_t budget_;
+  const uint64_t budget_, spare_bytes_;
+  PageSlabs slabs_;        ///< outlives the blocks; the loader's
+  SparePages spare_;       ///< of evicted blocks, until reused; the loader's
+  PageBuffer spare_unit_;  ///< of the last evicted page of a texture, likewise
+  PageBuffer unused_;      ///< the rest of UseFirst()'s memory; the loader's
   std::function<void()> on_want_, on_space_;
   std::function<void(BlockKey, bool)> on_change_;
   BlockSlots slots_;
@@ -165,6 +168,7 @@ class VoxelCache {
   Sweep sweep_{order_};
   std::vector<Resident> residents_;  ///< a heap, the least `used` first
   uint64_t used_ = 0;
+  bool evicts_ = false;  ///< whether a block was evicted: from then on spare_ has a share of the limit
   Counters counters_;
 };
 

@@ -25,9 +25,10 @@ class LightRays : public Integrator {
   virtual void Arrived(PacketWork& work, uint64_t lanes) const;
   /// Takes up the light rays of `lanes` that were stopped by hits.
   virtual void Stopped(PacketWork& work, uint64_t lanes) const;
-  /// Tints a light ray by the triangle of `voxel` that it has hit. Returns: whether light is left; then the
-  /// ray goes on behind the triangle, up to its end.
-  virtual bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const;
+  /// Tints a light ray by the triangle of `voxel` that it has hit, whose properties are `pane`. Returns:
+  /// whether light is left; then the ray goes on behind the triangle, up to its end.
+  virtual bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel,
+                      const SurfaceProperties& pane) const;
 
  private:
   void GoOn(PacketWork& work, uint64_t more, uint64_t arrived) const;

@@ -1,5 +1,6 @@
 #include "common/engine/surfaces/look_up_textures.h"
 
+#include <algorithm>
 #include <span>
 
 #include "common/engine/rays/lanes.h"
@@ -61,6 +62,19 @@ uint64_t LookUpSingly(const PacketWork& work, uint64_t lanes, const TexturePyram
   return waiting;
 }
 
+/// The levels of detail of the lanes for a use of a texture.
+struct Levels {
+  float lod[RayPacket::kRays];
+};
+Levels LevelsOf(const TextureLookups& lookups, TextureUse use) {
+  Levels levels;
+  std::ranges::copy(lookups.lod, levels.lod);
+  constexpr float kFinest = -1e4f;
+  if (use == TextureUse::kEmission)
+    ForEachLane(lookups.sharp_emission, [&](uint32_t i) { levels.lod[i] = kFinest; });
+  return levels;
+}
+
 /// Continues the lookups of one texture. Returns: the lanes that wait for a page of it, which are parked.
 uint64_t LookUp(const PacketWork& work, uint64_t lanes, const SurfaceTexture& texture) {
   if (lanes == 0) return 0;
@@ -70,7 +84,7 @@ uint64_t LookUp(const PacketWork& work, uint64_t lanes, const SurfaceTexture& te
   const TexturePyramid& pyramid = work.view.surfaces->pyramid(texture);
   const TextureUse use = texture.binding.use;
   const LookupKind kind = use == TextureUse::kBump ? LookupKind::kSlope : LookupKind::kValue;
-  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, lookups.lod, lanes, footprints);
+  MakeFootprints(texture, pyramid, surfaces.u, surfaces.v, LevelsOf(lookups, use).lod, lanes, footprints);
   const uint64_t whole = GatherTexels(work, lanes, pyramid);
   SumTexels(pyramid, footprints, work.scratch.texels, kind, whole, lookups);
   const uint64_t waiting = LookUpSingly(work, lanes & ~whole, pyramid, kind);

@@ -15,6 +15,10 @@ SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
     Entry entry;
     entry.first = static_cast<uint32_t>(textures_.size());
     entry.open_pbr = material.is_open_pbr;
+    const bool has_depth = material.transmission_depth > 0;
+    entry.tint_is_base = !has_depth && material.transmission_color == material.base_color;
+    entry.tints =
+        material.is_open_pbr && material.transmission_weight > 0 && (has_depth || entry.tint_is_base);
     Material bare = material;
     bare.diffuse = glm::vec3(0);
     DeriveOpenPbr(bare);
@@ -28,6 +32,10 @@ SceneSurfaces::SceneSurfaces(const Catalog& catalog) {
       entry.uses |= UseBit(binding.use);
     }
     entry.count = static_cast<uint32_t>(textures_.size()) - entry.first;
+    const bool has_base = (entry.uses & UseBit(TextureUse::kDiffuse)) != 0;
+    tints_light_ |= entry.tints && has_base;
+    const TextureUses unseen = UseBit(TextureUse::kMetalRoughness) | UseBit(TextureUse::kEmission);
+    entry.hides_panes = (entry.uses & unseen) != 0 || (has_base && has_depth && !entry.tints);
     materials_.push_back(entry);
   }
 }
@@ -39,6 +47,7 @@ SurfaceProperties SceneSurfaces::PropertiesAt(const Material& material, uint32_t
   if (has(TextureUse::kEmission)) p.emission = values.emission;
   if (materials_[number].open_pbr) {
     if (has(TextureUse::kDiffuse)) p.base_color = values.base;
+    if (has(TextureUse::kDiffuse) && materials_[number].tint_is_base) p.transmission_color = values.base;
     if (has(TextureUse::kMetalRoughness)) {
       p.base_metalness = values.metalness;
       p.specular_roughness = values.roughness;

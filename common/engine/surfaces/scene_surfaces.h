@@ -49,12 +49,17 @@ class SceneSurfaces {
     const Entry& m = materials_[material];
     return {textures_.data() + m.first, m.count};
   }
-  /// The material's opacity map, or null.
-  const SurfaceTexture* OpacityOf(uint32_t material) const {
-    for (const SurfaceTexture& texture : TexturesOf(material))
-      if (texture.binding.use == TextureUse::kOpacity) return &texture;
-    return nullptr;
+  /// The material's map of opacity, or of emission; null: it has none.
+  const SurfaceTexture* OpacityOf(uint32_t material) const { return MapOf(material, TextureUse::kOpacity); }
+  const SurfaceTexture* EmissionOf(uint32_t material) const { return MapOf(material, TextureUse::kEmission); }
+  /// The texture that tints light on its way through the material; null: it has none.
+  const SurfaceTexture* TintOf(uint32_t material) const {
+    return materials_[material].tints ? MapOf(material, TextureUse::kDiffuse) : nullptr;
   }
+  /// Whether a texture changes the material's panes in a way that light rays do not look up.
+  bool HidesPanes(uint32_t material) const { return materials_[material].hides_panes; }
+  /// Whether TintOf() any material is a texture.
+  bool tints_light() const { return tints_light_; }
   const TexturePyramid& pyramid(const SurfaceTexture& texture) const {
     return pyramids_[texture.binding.texture];
   }
@@ -69,11 +74,20 @@ class SceneSurfaces {
     uint32_t first = 0, count = 0;
     TextureUses uses = 0;
     bool open_pbr = false;
-    glm::vec3 sent_on{0};  ///< share of mirror and glass in DeriveOpenPbr()'s base colour
+    bool tints = false;  ///< whether its texture of base colour tints light that passes
+    bool hides_panes = false;
+    bool tint_is_base = false;  ///< whether the transmitted colour is the base colour, as in glTF
+    glm::vec3 sent_on{0};       ///< share of mirror and glass in DeriveOpenPbr()'s base colour
   };
+  const SurfaceTexture* MapOf(uint32_t material, TextureUse use) const {
+    for (const SurfaceTexture& texture : TexturesOf(material))
+      if (texture.binding.use == use) return &texture;
+    return nullptr;
+  }
   std::vector<TexturePyramid> pyramids_;
   std::vector<SurfaceTexture> textures_;
   std::vector<Entry> materials_;
+  bool tints_light_ = false;
 };
 
 }  // namespace quarry

@@ -164,6 +164,24 @@ struct TexelReader {
   }
 };
 
+/// One texel of a page, as TexelReader reads it. For single ones: it finds the format out.
+inline glm::vec4 TexelAt(const TexelLayout& layout, const std::byte* page, uint32_t index) {
+  const auto with = [&]<uint32_t kChannels>() {
+    return layout.format == TexelFormat::kHalf ? TexelReader<kChannels, true>(layout)(page, index)
+                                               : TexelReader<kChannels, false>(layout)(page, index);
+  };
+  switch (layout.channels) {
+    case 1:
+      return with.template operator()<1>();
+    case 2:
+      return with.template operator()<2>();
+    case 3:
+      return with.template operator()<3>();
+    default:
+      return with.template operator()<4>();
+  }
+}
+
 /// Adds a texel, number `n` of its level, to the sum.
 template <LookupKind kKind>
 inline void AddTexel(const TexturePyramid::Level& level, const BilinearTexels& f, uint32_t n,

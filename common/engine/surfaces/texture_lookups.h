@@ -8,11 +8,27 @@
 
 namespace quarry {
 
+/// The colour of a complete lookup: at least 0, and at most `most`.
+inline glm::vec3 ColorOf(const SurfaceTexture& texture, const glm::vec4& texels_sum, float most) {
+  const glm::vec4 value = texture.binding.factor * texels_sum;
+  const auto within = [&](float x) { return x > 0 ? std::min(x, most) : 0.0f; };
+  return {within(value.x), within(value.y), within(value.z)};
+}
+inline glm::vec3 BaseColorOf(const SurfaceTexture& texture, const glm::vec4& texels_sum) {
+  return ColorOf(texture, texels_sum, 1);
+}
+inline glm::vec3 EmissionOf(const SurfaceTexture& texture, const glm::vec4& texels_sum) {
+  return ColorOf(texture, texels_sum, 1e30f);
+}
+
 /// The texture lookups of a packet's samples, one array per field. Tiles of scenes without
 /// textures have none. Memory: 6,592 bytes.
 struct TextureLookups {
   static constexpr int kLanes = RayPacket::kRays;
   uint64_t looked_up;  ///< lanes whose lookups are all complete
+  /// Lanes that see emission as a light is asked for it, not blurred: those of paths' rays that lights could
+  /// have chosen.
+  uint64_t sharp_emission;
   // The cone of a pending ray, or of a ray that has hit. Source: Akenine-Moeller et al. 2021, ray cones.
   float cone_width[kLanes];   ///< at the ray's origin, then at its hit; scene units
   float cone_spread[kLanes];  ///< growth of the width with the distance
@@ -32,22 +48,17 @@ struct TextureLookups {
   }
   /// Stores the value of a complete lookup: colours at least 0, and, except emission, at most 1.
   void Put(int i, const SurfaceTexture& of, const glm::vec4& texels_sum) {
-    const auto within = [](float value, float most) { return value > 0 ? std::min(value, most) : 0.0f; };
-    const auto color = [&](const glm::vec4& v, float most) {
-      return glm::vec3(within(v.x, most), within(v.y, most), within(v.z, most));
-    };
-    constexpr float kMost = 1e30f;
-    const glm::vec4 value = of.binding.factor * texels_sum;
+    const glm::vec3 color = BaseColorOf(of, texels_sum);
     switch (of.binding.use) {
       case TextureUse::kDiffuse:
-        return base.Set(i, color(value, 1));
+        return base.Set(i, color);
       case TextureUse::kSpecular:
-        return specular.Set(i, color(value, 1));
+        return specular.Set(i, color);
       case TextureUse::kEmission:
-        return emission.Set(i, color(value, kMost));
+        return emission.Set(i, EmissionOf(of, texels_sum));
       case TextureUse::kMetalRoughness:
-        roughness[i] = within(value.y, 1);
-        metalness[i] = within(value.z, 1);
+        roughness[i] = color.y;
+        metalness[i] = color.z;
         return;
       default:
         return;

@@ -193,10 +193,20 @@ def set_options(scene, width, height, samples):
     bpy.context.scene.view_settings.view_transform = "Raw"
 
 
-def make_world(radiance):
+def make_world(radiance, environment=None):
+    """`environment`: the path of an image of all directions, in place of the radiance. In the image z is up, in the scene y."""
     world = bpy.data.worlds.new("world")
     nodes = Nodes(world)
-    nodes.add("ShaderNodeOutputWorld", Surface=nodes.add("ShaderNodeBackground", Color=opaque(radiance), Strength=1).outputs[0])
+    color = opaque(radiance)
+    if environment:
+        scene = nodes.add("ShaderNodeSeparateXYZ", Vector=nodes.add("ShaderNodeTexCoord").outputs["Generated"])
+        x, y, z = (scene.outputs[name] for name in "XYZ")
+        direction = nodes.add("ShaderNodeCombineXYZ", X=x, Y=nodes.math("MULTIPLY", z, -1.0), Z=y)
+        image = bpy.data.images.load(environment)
+        color = nodes.add("ShaderNodeTexEnvironment", {"image": image}, Vector=direction.outputs[0]).outputs["Color"]
+        world.cycles.sampling_method = "MANUAL"
+        world.cycles.sample_map_resolution = 2048
+    nodes.add("ShaderNodeOutputWorld", Surface=nodes.add("ShaderNodeBackground", Color=color, Strength=1).outputs[0])
     bpy.context.scene.world = world
 
 
@@ -214,7 +224,7 @@ def main():
     for light in scene["lights"]:
         make_light(light)
     make_camera(scene["camera"])
-    make_world(scene["sky"])
+    make_world(scene["sky"], str(at.with_name(f"{name}.hdr").absolute()) if scene["environment"] else None)
     set_options(scene, int(size), int(size), 1)
     bpy.ops.render.render()
     bpy.context.scene.cycles.samples = int(samples)

@@ -16,6 +16,7 @@ class Picture:
     camera: dict
     lights: list = dataclasses.field(default_factory=list)
     sky: tuple = BLACK          # radiance; the eye sees it too
+    environment: bool = False   # whether photograph() lights it, too
     bounces: int = 16
     tolerance: float = 0.01     # relative, of a block
 
@@ -194,14 +195,25 @@ def balls(*kinds):
     return add
 
 
-def smooth():
+def photograph(width=512):
+    """An image of all directions, as rows of linear RGB: a bright haze on one side, a ground, and a sun of some texels, 20,000 times as bright as the rest."""
+    x, y = numpy.meshgrid((numpy.arange(width) + 0.5) / width, (numpy.arange(width // 2) + 0.5) / (width // 2))
+    height = numpy.cos(math.pi * y)
+    side = 0.5 + 0.5 * numpy.cos(2 * math.pi * (x - 0.6))
+    blue = numpy.stack([0.2 + 0.5 * side, 0.3 + 0.4 * side, 0.6 + 0.1 * side], -1)
+    rows = numpy.where((height > 0)[..., None], blue * (1.2 - numpy.maximum(height, 0))[..., None], (0.12, 0.1, 0.07))
+    rows[(numpy.hypot((x - 0.7) * 2, y - 0.3) < 0.01)] = (12000, 11000, 9000)
+    return rows
+
+
+def smooth(**more):
     """Spheres with normals of vertices, in a room with normals of faces."""
     mesh = Mesh()
     floor = mesh.material("diffuse", color=WHITE)
     mesh.add([(-4, 0, -4), (-4, 0, 4), (4, 0, 4), (4, 0, -4)], [(0, 1, 2), (0, 2, 3)], floor, numpy.tile([0, 1, 0], (4, 1)))
     for x, kind in ((-1.1, {"kind": "diffuse", "color": RED}), (0, metal(0.3)), (1.1, layer(GREEN, 1.5, 0))):
         mesh.sphere((x, 0.5, 0), 0.5, mesh.material(**kind), smooth=True)
-    return Picture(mesh, {"eye": [0, 2, 5], "at": [0, 0.4, 0], "up": [0, 1, 0], "fov": 36}, lights=[SUN], sky=(0.5, 0.6, 0.8), tolerance=0.02)
+    return Picture(mesh, {"eye": [0, 2, 5], "at": [0, 0.4, 0], "up": [0, 1, 0], "fov": 36}, **({"lights": [SUN], "sky": (0.5, 0.6, 0.8), "tolerance": 0.02} | more))
 
 
 def kitchen(scenes, kind):
@@ -243,6 +255,8 @@ SCENES = {
     "cornell-rough-layer": lambda s: cornell({"tall": layer(RED, 1.5, 0.3), "short": layer(WHITE, 1.5, 0.5), "floor": layer(WHITE, 1.5, 0.4),
                                               "back": layer(GREEN, 2, 0.7)}, tolerance=0.02),
     "smooth": lambda s: smooth(),
+    "cornell-environment": lambda s: cornell(NO_LIGHT | {"tall": metal(0.3)}, environment=True, tolerance=0.02),
+    "smooth-environment": lambda s: smooth(lights=[], sky=BLACK, environment=True),
     "kitchen-diffuse": lambda s: kitchen(s, "diffuse"),
     "kitchen-ggx": lambda s: kitchen(s, "ggx"),
     "kitchen-fresnel": lambda s: kitchen(s, "fresnel"),

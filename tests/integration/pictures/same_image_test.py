@@ -14,7 +14,7 @@ import unittest.mock
 sys.path.insert(0, str(pathlib.Path(__file__).parents[3]))
 from tests.integration.exr import read_exr
 from tests.integration.programs import BIN, TIMEOUT_S, Case, end, main
-from tests.support.models.textured_scene import sheet, write_scene
+from tests.support.models.textured_scene import Glb, noise, sheet, write_scene
 
 TRIANGLES = int(os.environ.get("QUARRY_TEST_TRIANGLES", "1000000"))
 VIEW = ["--mode", "whitted", "--size", "512x384", "--eye", "6,6,14", "--at", "30,30,16", "--fov", "70",
@@ -162,7 +162,8 @@ class Paths(Case):
             self.assertEqual([row[37:107] for row in whole[name][21:81]], part[name], name)
 
     def test_everything_that_paths_meet(self):
-        """Cut-outs, a veil, panes, textures, a ball of glass, lamps, one of them hidden, a section through another, and an evening sky."""
+        """Cut-outs, a veil, panes, one with a texture, textures, one of which shines, a ball of glass, lamps, one of them hidden, a section through another, and an
+        evening sky."""
         pathlib.Path(self.path("more.mtl")).write_text(
             "newmtl lamp\nKd 0 0 0\nKe 30 25 20\nnewmtl ball\nKd 0 0 0\nKs 1 1 1\nTf 0.8 0.9 0.8\nd 0.1\nNi 1.5\nillum 7\n")
         positions, _, triangles = sheet(24, 12, lambda u, v: (4 + 0.8 * math.cos(2 * math.pi * u) * math.sin(math.pi * v),
@@ -172,8 +173,14 @@ class Paths(Case):
         for name, x, y in (("lamp", 2, 2), ("hidden lamp", 7, 3), ("cut lamp", 8, 7)):
             lines += [f"o {name}", "usemtl lamp", *(f"v {x + a} {y + b} 4.5" for a, b in ((0, 0), (0, 1), (1, 1), (1, 0))), "f -4 -3 -2", "f -4 -2 -1"]
         pathlib.Path(self.path("more.obj")).write_text("\n".join(lines) + "\n")
+        window = Glb()
+        stained = window.material(doubleSided=True, extensions={"KHR_materials_transmission": {"transmissionFactor": 1}}, pbrMetallicRoughness={
+            "baseColorTexture": {"index": window.image(noise(300, 200, 8))}, "metallicFactor": 0, "roughnessFactor": 0})
+        window.add(sheet(2, 2, lambda u, v: (8, 2 + 3 * u, 0.2 + 3 * v)), stained)
+        window.write(self.path("window.glb"))
         scene, view, image = self.path("all.quarry"), self.path("all.json"), self.path("all.exr")
-        self.must("quarry-preprocess", *write_scene(self.folder, 48), self.path("more.obj"), "-o", scene, "--voxel-size", "16K", "--up-axis", "z", "--quiet")
+        self.must("quarry-preprocess", *write_scene(self.folder, 48), self.path("more.obj"), self.path("window.glb"), "-o", scene,
+                  "--voxel-size", "16K", "--up-axis", "z", "--quiet")
         info = self.info(scene)
         self.assertTrue(info["shines"])
         decoded, largest = info["hot_decoded_bytes"] + info["shading_decoded_bytes"] + info["texture_decoded_bytes"], info["largest_decoded_bytes"]

@@ -1,6 +1,7 @@
 #include "preprocess/ingest/emitter_list.h"
 
 #include <catch2/catch.hpp>
+#include <cmath>
 
 namespace quarry {
 namespace {
@@ -38,6 +39,21 @@ TEST_CASE("Emitters are the triangles of materials that shine, by ascending id",
   REQUIRE(emitters.size() == 2);
   CHECK((emitters[0].triangle == 2 && emitters[0].material == 2 && emitters[0].part == 7));
   CHECK((emitters[1].triangle == 5 && emitters[1].corners[1] == glm::vec3(1, 0, 0)));
+}
+
+TEST_CASE("Emitters keep their places in a map", "[path]") {
+  EmitterList list;
+  Material screen;
+  screen.textures = {{TextureUse::kEmission, 0}};
+  list.NoteMaterial(1, screen);
+  TriangleRecord record = Triangle(4, 1, 1);
+  record.uvs[0] = {0.25f, 2};
+  record.uvs[2] = {std::nanf(""), 1};
+  list.Add(record);
+  const std::vector<Emitter> emitters = list.Take();
+  REQUIRE(emitters.size() == 1);
+  CHECK(emitters[0].uvs[0] == glm::vec2(0.25f, 2));
+  CHECK(emitters[0].uvs[2] == glm::vec2(0));
 }
 
 TEST_CASE("Of too many emitters the strongest stay, and of equal ones the first", "[path]") {

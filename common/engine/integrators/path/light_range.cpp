@@ -44,7 +44,7 @@ int RangeOf(const View& view, const Catalog& scene, const SkyTable* environment)
   const std::vector<Light> lights = LightsInAir(view);
   for (const Light& light : lights) brightest = std::max(brightest, SeenRadiance(light, scene.meta));
   for (const Material& material : scene.materials)
-    if (!material.unlit) brightest = std::max(brightest, static_cast<double>(Largest(material.emission)));
+    if (!material.unlit) brightest = std::max(brightest, static_cast<double>(Largest(EmissionOf(material))));
   if (environment && view.environment.shines())
     brightest = std::max(brightest, static_cast<double>(environment->facts().brightest) *
                                         static_cast<double>(view.environment.strength));

@@ -120,12 +120,12 @@ GlassRay ThroughGlass(const SurfaceProperties& m, const Surface& s, float choice
   return {Unit(s.normal * (eta * cosine - std::sqrt(inner2)) - s.view * eta), tint, true};
 }
 
-Passing PassingOf(const SurfaceProperties& m, float cosine, bool has_map, bool is_textured) {
+Passing PassingOf(const SurfaceProperties& m, float cosine, bool has_map, bool is_hidden) {
   Passing p;
   const float there = has_map ? 1.0f : m.geometry_opacity;
   p.hole = 1 - there;
   p.glass = there * (1 - m.base_metalness) * m.transmission_weight;
-  if (m.ior > 1 || is_textured) return p;
+  if (m.ior > 1 || is_hidden) return p;
   p.pane = p.glass * (1 - FresnelOf(std::min(cosine, 1.0f), m.specular_ior));
   p.glass -= p.pane;
   p.tint = m.transmission_depth > 0 ? m.base_color : m.transmission_color;

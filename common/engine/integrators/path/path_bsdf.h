@@ -86,8 +86,8 @@ struct Passing {
   glm::vec3 Light() const { return glm::vec3(hole) + tint * pane; }
 };
 /// `cosine`: between ray and geometric normal, at least 0. `has_map`: the opacity's map has decided already.
-/// `is_textured`: the pane has other textures, which light rays do not look up, so that they do not pass it.
-Passing PassingOf(const SurfaceProperties& properties, float cosine, bool has_map, bool is_textured);
+/// `is_hidden`: the pane has textures that light rays do not look up, so that they do not pass it.
+Passing PassingOf(const SurfaceProperties& properties, float cosine, bool has_map, bool is_hidden);
 
 /// The share of light where the shading normal is brighter than the geometric normal allows, from 0 where the
 /// light grazes the triangle to 1. Source: Chiang et al. 2019 ("Taming the shadow terminator").

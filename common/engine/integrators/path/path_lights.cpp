@@ -53,6 +53,12 @@ bool IsCutOff(const SectionCut& section, std::span<const glm::vec3> points) {
   });
 }
 
+/// Weights of the second and third corner of a triangle, uniform over it. Source: Turk 1990.
+glm::vec2 InTriangle(const glm::vec2& u) {
+  const float root = std::sqrt(u.x);
+  return {root * (1 - u.y), root * u.y};
+}
+
 /// A direction from the cap of the sphere of directions around `middle`, uniform over it. `height`: 1 - the
 /// cosine of its edge. The height of a direction falls with the square of the radius of a point on a disk.
 glm::vec3 InCap(const glm::vec3& middle, float height, const glm::vec2& u) {
@@ -205,7 +211,11 @@ double PathLights::TakeEmitters(const View& view, const Catalog& scene, EmitterC
     for (int i = 0; i < 2; ++i) shining.sides[i] = emitter.corners[i + 1] - emitter.corners[0];
     const glm::dvec3 a(emitter.corners[0]), b(emitter.corners[1]), c(emitter.corners[2]);
     shining.normal = glm::vec3(glm::cross(b - a, c - a) / (2 * area));
-    shining.radiance = scene.materials[emitter.material].emission;
+    shining.radiance = emitter.radiance;
+    if (EmissionMapOf(scene.materials[emitter.material])) {
+      shining.mapped = static_cast<uint32_t>(mapped_.size());
+      mapped_.push_back({emitter.material, {emitter.uvs[0], emitter.uvs[1], emitter.uvs[2]}});
+    }
     shining.area = static_cast<float>(area);
     shining_.push_back(shining);
     const auto& corners = emitter.corners;
@@ -214,6 +224,7 @@ double PathLights::TakeEmitters(const View& view, const Catalog& scene, EmitterC
                      MeanOf(shining.radiance) * area / (2 * kPi)});
     all += boxes.back().power;
   }
+  mapped_.shrink_to_fit();
   tree_ = EmitterTree(boxes, choice == EmitterChoice::kByPower);
   return all;
 }
@@ -291,13 +302,18 @@ PathLights::Sample PathLights::TowardSphere(const Entry& entry, const glm::vec3&
   return {direction, DistanceTo(*entry.light, position, direction).value_or(cap.distance), light, density};
 }
 
-/// Uniform over the triangle. Source: Turk 1990.
+PathLights::MapPlace PathLights::PlaceInMap(uint32_t mapped, const glm::vec2& u) const {
+  const Mapped& map = mapped_[mapped];
+  const glm::vec2 b = InTriangle(u);
+  return {map.material, map.uvs[0] * (1 - b.x - b.y) + map.uvs[1] * b.x + map.uvs[2] * b.y};
+}
+
 PathLights::Sample PathLights::TowardEmitter(const Vertex& vertex, double choice, const glm::vec2& u) const {
   const EmitterTree::Choice chosen = tree_.Choose(vertex.position, vertex.side, choice);
   if (!(chosen.chance > 0)) return {};
   const Shining& shining = shining_[chosen.emitter];
-  const float root = std::sqrt(u.x), b = root * (1 - u.y), c = root * u.y;
-  const glm::vec3 at = shining.corner + shining.sides[0] * b + shining.sides[1] * c,
+  const glm::vec2 b = InTriangle(u);
+  const glm::vec3 at = shining.corner + shining.sides[0] * b.x + shining.sides[1] * b.y,
                   to = at - vertex.position;
   if (IsCutOff(section_, std::span(&at, 1))) return {};
   const float distance2 = std::max(glm::dot(to, to), 1e-20f), distance = std::sqrt(distance2);
@@ -305,8 +321,14 @@ PathLights::Sample PathLights::TowardEmitter(const Vertex& vertex, double choice
   const float turn = glm::dot(direction, shining.normal), cosine = std::fabs(turn);
   if (!(cosine > 1e-6f)) return {};
   const float density = emitters_chance_ * chosen.chance * distance2 / (shining.area * cosine);
-  return {direction, distance, shining.radiance / density, density,
-          turn < 0 ? shining.normal : -shining.normal};
+  const glm::vec3 radiance = shining.mapped == kNoIndex ? shining.radiance : glm::vec3(1);
+  return {direction,
+          distance,
+          radiance / density,
+          density,
+          turn < 0 ? shining.normal : -shining.normal,
+          EnvironmentLight::kNoTexel,
+          shining.mapped};
 }
 
 float PathLights::EmitterDensity(uint32_t triangle, const Vertex& vertex, float distance,

@@ -20,10 +20,11 @@ struct PathPacket {
   float
       density[RayPacket::kRays];  ///< with which the ray under way was chosen; 0: lights could not choose it
   float light_end[RayPacket::kRays];  ///< where the light ray ends; units: t
-  // Lanes whose light ray goes to the environment, whose ray has come there so that the texel is looked up,
-  // and whose path ends with it.
-  uint64_t to_sky, in_sky, ends_in_sky;
-  uint32_t texel[RayPacket::kRays];  ///< of the environment
+  uint64_t to_texel;       ///< lanes whose light ray goes to the environment, or to an emitter with a map
+  uint64_t at_texel;       ///< lanes whose ray has come there, so that the texel is looked up
+  uint64_t ends_at_texel;  ///< lanes whose path ends there
+  uint64_t of_map;         ///< lanes whose texel is that of an emitter's map
+  uint32_t texel[RayPacket::kRays];  ///< of the environment; or the emitter's number, see PathLights::Sample
 };
 
 }  // namespace quarry

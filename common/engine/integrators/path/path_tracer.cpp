@@ -7,12 +7,12 @@
 
 #include "common/engine/film/tile_film.h"
 #include "common/engine/integrators/path/albedo_tables.h"
+#include "common/engine/integrators/path/light_texels.h"
 #include "common/engine/integrators/path/path_bsdf.h"
 #include "common/engine/integrators/path/path_packet.h"
 #include "common/engine/integrators/path/rough_glass.h"
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/properties.h"
-#include "common/engine/surfaces/shown_parts.h"
 #include "common/math/elementary.h"
 #include "common/math/random.h"
 
@@ -22,16 +22,8 @@ namespace {
 /// Bounces before paths end by chance.
 constexpr uint32_t kSafeBounces = 3;
 
-// No sampling uses these dimensions.
-constexpr uint32_t kPassDimension = 0xC08u << 20, kSkyDimension = 0xC09u << 20;
-
-/// Two numbers in [0, 1) for the texel of the environment that a path sees.
-glm::vec2 AsideInSky(const PacketWork& work, uint32_t lane) {
-  const SamplePacket& s = work.samples;
-  const RandomKey key{work.view.view.seed, s.image_pixel[lane], s.sample[lane], s.path_code[lane]};
-  return {static_cast<float>(RandomBits(key, kSkyDimension) >> 8) * 0x1p-24f,
-          static_cast<float>(RandomBits(key, kSkyDimension + 1) >> 8) * 0x1p-24f};
-}
+// No sampling uses this dimension.
+constexpr uint32_t kPassDimension = 0xC08u << 20;
 
 /// A number in [0, 1) for the path and the triangle that it has met, so that a triangle found twice has one
 /// fate.
@@ -45,8 +37,7 @@ float ShareOf(const PacketWork& work, uint32_t lane) {
 /// How rays pass a surface of this material, see PassingOf().
 Passing PassingAt(const PacketWork& work, uint32_t material, const SurfaceProperties& m, float cosine) {
   const SceneSurfaces& scene = *work.view.surfaces;
-  return PassingOf(m, cosine, scene.OpacityOf(material) != nullptr,
-                   (scene.UsesOf(material) & work.view.texture_uses) != 0);
+  return PassingOf(m, cosine, scene.OpacityOf(material) != nullptr, scene.HidesPanes(material));
 }
 
 glm::vec3 PowerOf(const glm::vec3& base, float exponent) {
@@ -67,7 +58,7 @@ PathTracer::PathTracer(const View& view, const Catalog& scene, LightWays ways,
     : view_(view), lights_(view, scene, ways, environment, choice), scale_(std::ldexp(1.0f, view.range)) {
   can_find_light_ = lights_.can_be_met();
   for (const Material& material : scene.materials)
-    can_find_light_ |= !material.unlit && material.emission != glm::vec3(0);
+    can_find_light_ |= !material.unlit && EmissionOf(material) != glm::vec3(0);
   AlbedoTables::Get();  // before the first ray
   const auto is_rough = [](const Material& m) { return m.transmission_weight > 0 && RoughGlass::Is(m); };
   if (std::ranges::any_of(scene.materials, is_rough)) GlassTable::Get();
@@ -80,9 +71,10 @@ Integrator::Needs PathTracer::needs() const {
 void PathTracer::Begin(PacketWork& work, uint64_t lanes) const {
   PathPacket& path = *work.path;
   path.seen |= lanes;
-  path.to_sky &= ~lanes;
-  path.in_sky &= ~lanes;
-  path.ends_in_sky &= ~lanes;
+  path.to_texel &= ~lanes;
+  path.at_texel &= ~lanes;
+  path.ends_at_texel &= ~lanes;
+  path.of_map &= ~lanes;
   ForEachLane(lanes, [&](uint32_t i) {
     path.radiance.Set(static_cast<int>(i), glm::vec3(0));
     path.density[i] = 0;
@@ -128,36 +120,14 @@ uint64_t PathTracer::EndInSky(PacketWork& work, uint64_t lanes) const {
     const glm::vec3 direction = work.rays.DirectionOf(i);
     const float density = path.density[i];
     path.texel[i] = density > 0 ? lights_.environment()->TexelAt(direction)
-                                : lights_.environment()->TexelAt(direction, AsideInSky(work, i));
+                                : lights_.environment()->TexelAt(direction, AsideOfTexel(work, i));
     s.light.Set(lane, s.weight[lane] * lights_.EnvironmentShare(path.texel[i], density));
   });
-  path.in_sky |= lanes;
-  path.ends_in_sky |= lanes;
+  path.at_texel |= lanes;
+  path.ends_at_texel |= lanes;
+  path.of_map &= ~lanes;
   s.Move(lanes, SamplePacket::kNext, SamplePacket::kLight);
   return lanes;
-}
-
-/// Adds the radiance of the environment's texels to the paths of `lanes`. Returns: the lanes that wait for a
-/// page, which are parked.
-uint64_t PathTracer::LookUpSky(PacketWork& work, uint64_t lanes) const {
-  PathPacket& path = *work.path;
-  BlockKey page;
-  const ResidentBlock* block = nullptr;
-  uint64_t waiting = 0;
-  ForEachLane(lanes, [&](uint32_t lane) {
-    const EnvironmentLight::Place place = lights_.environment()->PlaceOf(path.texel[lane]);
-    if (!block || place.page != page) block = work.Find(page = place.page);
-    if (!block) {
-      work.Park(lane, page);
-      waiting |= uint64_t{1} << lane;
-      return;
-    }
-    const auto i = static_cast<int>(lane);
-    const glm::vec3 radiance = lights_.environment()->RadianceAt(block->bytes.bytes(), place.index);
-    AddTo(path, i, work.samples.light[i] * radiance);
-  });
-  path.in_sky &= ~(lanes & ~waiting);
-  return waiting;
 }
 
 /// Adds the radiance of paths to their pixels.
@@ -285,7 +255,9 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) con
   if (lights_.empty()) return;
   SamplePacket& s = work.samples;
   const auto i = static_cast<int>(lane);
-  work.path->to_sky &= ~(uint64_t{1} << lane);
+  const uint64_t bit = uint64_t{1} << lane;
+  work.path->to_texel &= ~bit;
+  work.path->of_map &= ~bit;
   const PathNumbers& numbers = work.path->numbers;
   const Surface surface = s.surface[i];
   const PathLights::Sample sample =
@@ -297,8 +269,10 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) con
   if (sample.density > 0) light *= lights_.AskedShare(sample.density, scattered.density);
   if (!(Largest(light) > 0)) return;
   s.light.Set(i, light);
-  if (sample.texel != EnvironmentLight::kNoTexel) work.path->to_sky |= uint64_t{1} << lane;
-  work.path->texel[lane] = sample.texel;
+  const bool of_map = sample.mapped != kNoIndex;
+  if (of_map) work.path->of_map |= bit;
+  if (of_map || sample.texel != EnvironmentLight::kNoTexel) work.path->to_texel |= bit;
+  work.path->texel[lane] = of_map ? sample.mapped : sample.texel;
   s.next_light[lane] = 1;  // the cut-outs' key tells light rays from the path's
   Ray ray;
   ray.origin = LeaveSurface(surface.position, surface.geometric_normal, sample.direction, work.view.offset);
@@ -318,10 +292,11 @@ void PathTracer::AskLight(PacketWork& work, uint32_t lane, const Bsdf& bsdf) con
 /// The light rays of `lanes` have ended, or the paths are in the environment.
 uint64_t PathTracer::SendLightRays(PacketWork& work, uint64_t lanes) const {
   PathPacket& path = *work.path;
-  const uint64_t waiting = LookUpSky(work, lanes & path.in_sky);
+  const uint64_t waiting = LookUpLights(work, lanes & path.at_texel, lights_);
+  path.at_texel &= ~(lanes & ~waiting);
   lanes &= ~waiting;
-  const uint64_t ended = lanes & path.ends_in_sky;
-  path.ends_in_sky &= ~ended;
+  const uint64_t ended = lanes & path.ends_at_texel;
+  path.ends_at_texel &= ~ended;
   EndPaths(work, ended);
   work.samples.Move(ended, SamplePacket::kLight, SamplePacket::kNext);
   GoOn(work, lanes & ~ended, SamplePacket::kLight);
@@ -348,7 +323,11 @@ void PathTracer::GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from
     ray.origin =
         LeaveSurface(s.surface.position[i], s.surface.geometric_normal[i], direction, work.view.offset);
     ray.direction = direction;
-    if (TextureLookups* lookups = work.lookups) lookups->cone_spread[lane] += path.next_width[lane];
+    if (TextureLookups* lookups = work.lookups) {
+      lookups->cone_spread[lane] += path.next_width[lane];
+      if (path.next_density[lane] > 0) lookups->sharp_emission |= uint64_t{1} << lane;
+      if (!(path.next_density[lane] > 0)) lookups->sharp_emission &= ~(uint64_t{1} << lane);
+    }
     work.rays.Set(lane, ray);
     s.weight.Set(i, weight);
     s.t_end[lane] = kInfinity;
@@ -366,29 +345,25 @@ void PathTracer::GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from
 float PathTracer::End(const PacketWork& work, uint32_t lane) const { return work.path->light_end[lane]; }
 
 void PathTracer::Arrived(PacketWork& work, uint64_t lanes) const {
-  const uint64_t in_sky = lanes & work.path->to_sky;
-  work.path->in_sky |= in_sky;
-  ForEachLane(lanes & ~in_sky, [&](uint32_t lane) {
+  const uint64_t at_texel = lanes & work.path->to_texel;
+  work.path->at_texel |= at_texel;
+  ForEachLane(lanes & ~at_texel, [&](uint32_t lane) {
     const auto i = static_cast<int>(lane);
     AddTo(*work.path, i, work.samples.light[i]);
   });
 }
 
-/// Light rays pass what paths pass: holes, and panes without textures. Other glass stops them; paths find the
-/// light behind it.
-bool PathTracer::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const {
+/// Light rays pass what paths pass: holes and panes. Other glass stops them; paths find the light behind it.
+bool PathTracer::TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel,
+                        const SurfaceProperties& pane) const {
   SamplePacket& s = work.samples;
   RayPacket& rays = work.rays;
   const auto i = static_cast<int>(lane);
   const Hit hit = rays.HitOf(lane);
-  const uint32_t number = voxel.materials[hit.local];
-  const Material& material = work.view.catalog.materials[number];
   const Surface met = SurfaceAt(voxel.vertex(hit.local, 0), voxel.vertex(hit.local, 1),
                                 voxel.vertex(hit.local, 2), hit.b1, hit.b2, rays.DirectionOf(lane));
-  // A part with a colour of the view's is plain.
-  if (work.view.colors_parts && work.view.shown->selection().ColorOf(voxel.part(hit.local))) return false;
   const float cosine = std::fabs(glm::dot(met.geometric_normal, met.view));
-  const glm::vec3 passes = PassingAt(work, number, material, cosine).Light();
+  const glm::vec3 passes = PassingAt(work, voxel.materials[hit.local], pane, cosine).Light();
   s.light.Set(i, s.light[i] * passes);
   if (!(Largest(s.light[i]) > 0)) return false;
   constexpr uint8_t kMost = FilmFaults::kMostCounted;

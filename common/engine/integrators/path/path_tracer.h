@@ -30,7 +30,8 @@ class PathTracer final : public LightRays {
   bool LooksAtSeeThrough(const PacketWork& /*work*/) const override { return true; }
   float End(const PacketWork& work, uint32_t lane) const override;
   void Arrived(PacketWork& work, uint64_t lanes) const override;
-  bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel) const override;
+  bool TintBy(PacketWork& work, uint32_t lane, const VoxelGeometry& voxel,
+              const SurfaceProperties& pane) const override;
 
  private:
   /// The result of a hit: the ray passes it, its path ends there, or it scatters there.
@@ -44,7 +45,6 @@ class PathTracer final : public LightRays {
   void GoOn(PacketWork& work, uint64_t lanes, SamplePacket::Stage from) const;
   void EndPaths(PacketWork& work, uint64_t lanes) const;
   uint64_t EndInSky(PacketWork& work, uint64_t lanes) const;
-  uint64_t LookUpSky(PacketWork& work, uint64_t lanes) const;
 
   const View& view_;
   const PathLights lights_;

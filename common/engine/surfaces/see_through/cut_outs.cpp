@@ -1,4 +1,4 @@
-#include "common/engine/surfaces/cut_outs.h"
+#include "common/engine/surfaces/see_through/cut_outs.h"
 
 #include "common/engine/rays/lanes.h"
 #include "common/kdtree/opacity_mask.h"

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "common/engine/packet_work.h"
-#include "common/engine/surfaces/hit_filter.h"
+#include "common/engine/surfaces/see_through/hit_filter.h"
 #include "common/scene/ray_query.h"
 
 namespace quarry {
