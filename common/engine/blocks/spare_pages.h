@@ -21,6 +21,11 @@ class SparePages {
   void Keep(PageBuffer buffer);
   /// Lets buffers go that are beyond the limit, the last one too.
   void Trim() { LetGo(0); }
+  /// Lets all buffers go.
+  void LetGo() {
+    buffers_.clear();
+    bytes_ = 0;
+  }
   /// A buffer of `bytes`: one that has as many pages, else the nearest one, mapped anew. Returns: nothing
   /// when none is kept, or the system has no memory.
   std::optional<PageBuffer> Take(size_t bytes);

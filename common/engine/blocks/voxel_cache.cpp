@@ -11,10 +11,9 @@ namespace {
 
 /// Memory of evicted blocks that a cache keeps for the next ones. Trades room for blocks against mapping
 /// memory anew: of a 32nd, some 100 blocks of 384 MiB, nearly every block finds one of its size.
-uint64_t SpareBytesOf(const Catalog& catalog, uint64_t budget) {
+uint64_t SpareBytesOf(uint64_t budget) {
   constexpr uint64_t kLeast = 16 << 20, kShare = 32;
-  // A block must find room beside them.
-  return budget < kLeast || catalog.meta.largest_decoded > budget / 4 ? 0 : budget / kShare;
+  return budget < kLeast ? 0 : budget / kShare;
 }
 
 }  // namespace
@@ -53,7 +52,7 @@ std::vector<BlockKey> Mailbox::Take(bool wait) {
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
     : budget_(budget_bytes),
-      spare_bytes_(SpareBytesOf(catalog, budget_bytes)),
+      spare_bytes_(SpareBytesOf(budget_bytes)),
       spare_(spare_bytes_),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
@@ -223,7 +222,8 @@ bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
   QUARRY_CHECK_LE(bytes, budget_);
   evicts_ |= used_ + bytes > budget_;
-  while (used_ + bytes > budget_ - (evicts_ ? spare_bytes_ : 0)) {
+  const bool keeps_spare = evicts_ && bytes <= budget_ - spare_bytes_;
+  while (used_ + bytes > budget_ - (keeps_spare ? spare_bytes_ : 0)) {
     if (EvictOne(evicted)) continue;
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the
     // flag.
@@ -253,6 +253,7 @@ std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes, bool sma
   spare_unit_ = PageBuffer();
   if (auto spare = spare_.Take(decoded_bytes)) {
     spare_.Trim();
+    if (used_ > budget_ - spare_bytes_) spare_.LetGo();  // a block that leaves no room for them
     return spare;
   }
   if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);

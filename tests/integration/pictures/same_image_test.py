@@ -200,8 +200,10 @@ class Paths(Case):
         for isa, workers, threads, cache in ((None, 1, 2, largest), (None, 2, 1, decoded // 10), ("scalar", 2, 2, decoded), ("avx2", 1, 2, decoded)):
             with self.subTest(isa=isa, workers=workers, threads=threads, cache=cache):
                 self.assertEqual(render(isa, workers, threads, cache), reference)
-        # Each counts: the hidden lamp would light the scene, and so would the part that is cut off.
+        # Each counts: the hidden lamp would light the scene, and so would the part that is cut off; the pane tints it.
         shown = json.loads(pathlib.Path(view).read_text())
+        pathlib.Path(view).write_text(json.dumps(shown | {"hide": ["*hidden lamp", "*window.glb*"]}))
+        self.assertNotEqual(render(None, 2, 1, decoded), reference)
         for without in ("hide", "section"):
             pathlib.Path(view).write_text(json.dumps({name: member for name, member in shown.items() if name != without}))
             self.assertNotEqual(render(None, 2, 1, decoded), reference)

@@ -50,6 +50,10 @@ TEST_CASE("Spare pages stay within their limit, but for the last") {
   CHECK(spare.bytes() == 30 * kPage);
   spare.Trim();
   CHECK(spare.bytes() == 0);
+  Keep(spare, 2);
+  spare.LetGo();
+  CHECK(spare.bytes() == 0);
+  CHECK_FALSE(spare.Take(1).has_value());
 }
 
 }  // namespace quarry

@@ -59,7 +59,8 @@ TEST_CASE("A store returns its emitters with the catalog", "[path]") {
   REQUIRE(store);
   CHECK(store->catalog().emitters == emitters);
   // As a worker gets it.
-  const auto sent = UnpackSections(PackSections(store->catalog_sections()));
+  const Bytes packed = PackSections(store->catalog_sections());
+  const auto sent = UnpackSections(packed);
   REQUIRE(sent);
   CHECK(DecodeCatalog(store->catalog().id, *sent)->emitters == emitters);
   CHECK((sent && store->catalog().names_emitters && Shines(store->catalog())));
