@@ -14,7 +14,7 @@ namespace quarry {
 
 /// The version of the protocol. Programs of different versions refuse each other; it may change freely until
 /// the first release.
-inline constexpr uint32_t kProtocolVersion = 20;
+inline constexpr uint32_t kProtocolVersion = 21;
 
 /// The preamble, the first bytes of each side. Its layout never changes: "QUARRY\0\0" (8), protocol version
 /// (4), the program's version as zero-padded text (20).

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/check.h"
+
 namespace quarry {
 namespace {
 
@@ -11,14 +13,15 @@ size_t Apart(size_t a, size_t b) { return a > b ? a - b : b - a; }
 }  // namespace
 
 void SparePages::Keep(PageBuffer buffer) {
+  QUARRY_DCHECK(!buffer.is_unit());
   if (buffer.bytes().empty()) return;
   bytes_ += WholeMemoryPages(buffer.bytes().size());
   buffers_.push_back(std::move(buffer));
-  LetGo(1);
+  TrimTo(1);
 }
 
 /// Lets the oldest buffers go while they are too many and more than `left`.
-void SparePages::LetGo(size_t left) {
+void SparePages::TrimTo(size_t left) {
   while (bytes_ > most_bytes_ && buffers_.size() > left) {
     bytes_ -= WholeMemoryPages(buffers_.front().bytes().size());
     buffers_.erase(buffers_.begin());

@@ -9,20 +9,20 @@
 
 namespace quarry {
 
-/// Buffers of evicted blocks, for the blocks that come next. A buffer of other pages than a block needs must
-/// be mapped anew, and each processor then forgets its addresses, which costs more than decoding the block;
-/// so several are kept, and mostly one fits. Not thread-safe.
+/// Buffers of evicted blocks, for the blocks that come next. Resizing a buffer changes its mapping, and all
+/// processors flush their TLBs; that costs more than decoding a block. With several buffers one mostly has
+/// the right size. Not thread-safe.
 class SparePages {
  public:
-  /// Keeps buffers of `most_bytes` together, but always the last one.
+  /// `most_bytes`: limit of all buffers together; the newest is kept even if it is larger.
   explicit SparePages(uint64_t most_bytes) : most_bytes_(most_bytes) {}
 
   /// Takes over a buffer, and lets those go that are too many, the oldest first. Requires: it is no unit.
   void Keep(PageBuffer buffer);
   /// Lets buffers go that are beyond the limit, the last one too.
-  void Trim() { LetGo(0); }
+  void Trim() { TrimTo(0); }
   /// Lets all buffers go.
-  void LetGo() {
+  void Clear() {
     buffers_.clear();
     bytes_ = 0;
   }
@@ -32,7 +32,7 @@ class SparePages {
   uint64_t bytes() const { return bytes_; }
 
  private:
-  void LetGo(size_t left);
+  void TrimTo(size_t left);
   const uint64_t most_bytes_;
   std::vector<PageBuffer> buffers_;  ///< the oldest first
   uint64_t bytes_ = 0;               ///< in whole pages

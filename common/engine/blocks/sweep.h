@@ -56,8 +56,9 @@ class Sweep {
     BlockKey block;
     OctantMask octants;  ///< octants of the waiting rays
   };
-  /// The block is wanted for these octants; or for these no more. Requires: it was not, or it was.
+  /// The block is wanted for these octants. Requires: it was not.
   void Add(const Stop& stop);
+  /// The block is wanted for these octants no more.
   void Remove(const Stop& stop);
   /// The wanted block that comes next, but for those that skips(block).
   template <class Skips>

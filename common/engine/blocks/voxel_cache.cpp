@@ -9,11 +9,12 @@
 namespace quarry {
 namespace {
 
-/// Memory of evicted blocks that a cache keeps for the next ones. Trades room for blocks against mapping
-/// memory anew: of a 32nd, some 100 blocks of 384 MiB, nearly every block finds one of its size.
+/// Memory of evicted blocks that a scarce cache keeps for the next ones. Trades room for blocks against
+/// mapping memory anew. A 32nd of 384 MiB holds about 100 blocks; nearly every new block then finds its size.
+/// A 32nd of less than 16 MiB would hold too few.
 uint64_t SpareBytesOf(uint64_t budget) {
-  constexpr uint64_t kLeast = 16 << 20, kShare = 32;
-  return budget < kLeast ? 0 : budget / kShare;
+  constexpr uint64_t kLeast = 16 << 20, kShare = 32, kMost = 64 << 20;
+  return budget < kLeast ? 0 : std::min(budget / kShare, kMost);
 }
 
 }  // namespace
@@ -97,8 +98,9 @@ void VoxelCache::Want(BlockKey block, Mailbox* mailbox, uint32_t rays, OctantMas
         wanted_bytes_ += RoomOf(block);
       }
       w.rays += rays;
-      sweep_.Add({block, static_cast<OctantMask>(octants & ~w.octants)});
+      const auto more = static_cast<OctantMask>(octants & ~w.octants);
       w.octants |= octants;
+      sweep_.Add({block, more});
       if (std::find(w.mailboxes.begin(), w.mailboxes.end(), mailbox) == w.mailboxes.end())
         w.mailboxes.push_back(mailbox);
       mailbox = nullptr;
@@ -221,8 +223,7 @@ bool VoxelCache::TryEvict(BlockKey block) {
 bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
   QUARRY_CHECK_LE(bytes, budget_);
-  evicts_ |= used_ + bytes > budget_;
-  const bool keeps_spare = evicts_ && bytes <= budget_ - spare_bytes_;
+  const bool keeps_spare = scarce() && bytes <= budget_ - spare_bytes_;
   while (used_ + bytes > budget_ - (keeps_spare ? spare_bytes_ : 0)) {
     if (EvictOne(evicted)) continue;
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the
@@ -253,11 +254,12 @@ std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes, bool sma
   spare_unit_ = PageBuffer();
   if (auto spare = spare_.Take(decoded_bytes)) {
     spare_.Trim();
-    if (used_ > budget_ - spare_bytes_) spare_.LetGo();  // a block that leaves no room for them
+    if (used_ > budget_ - spare_bytes_) spare_.Clear();  // the blocks leave no room for them
     return spare;
   }
   if (decoded_bytes <= unused_.bytes().size()) return unused_.TakeFront(decoded_bytes);
   unused_ = PageBuffer();
+  spare_.Clear();
   return PageBuffer::TryGet(decoded_bytes);
 }
 

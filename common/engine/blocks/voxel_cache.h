@@ -56,9 +56,11 @@ class Mailbox {
 /// The cache of decoded blocks, voxels' and textures', with a limit in bytes. It evicts the least recently
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
-/// Once it evicts blocks, a part of the limit is memory of evicted blocks, a 32nd if it has 16 MiB.
+/// While it is scarce(), a cache with a limit of 16 MiB or more keeps a 32nd of it, 64 MiB at most, as memory
+/// of evicted blocks.
 /// Units: bytes, decoded; a texture's page counts as PageRoom().
-/// Memory beyond the limit: 16 bytes a block of the scene and of its environments.
+/// Memory beyond the limit: 16 bytes a block of the scene and of its environments; 64 bytes for each wanted
+/// block and octant, at most one a waiting ray.
 /// Thread safety: members above "the loader's thread" may be called from any thread; pinning takes no lock.
 /// Requires: a thread that waits for a block holds no pins.
 /// Source: Wald & Slusallek 2001, section 6.3 (explicit cache, LRU). Pinning for all waiting threads and the
@@ -167,8 +169,7 @@ class VoxelCache {
   const VoxelOrder order_;
   Sweep sweep_{order_};
   std::vector<Resident> residents_;  ///< a heap, the least `used` first
-  uint64_t used_ = 0;
-  bool evicts_ = false;  ///< whether a block was evicted: from then on spare_ has a share of the limit
+  uint64_t used_ = 0;                ///< written by the loader's thread, which may read it without the lock
   Counters counters_;
 };
 

@@ -51,7 +51,9 @@ class SceneSurfaces {
   }
   /// The material's map of opacity, or of emission; null: it has none.
   const SurfaceTexture* OpacityOf(uint32_t material) const { return MapOf(material, TextureUse::kOpacity); }
-  const SurfaceTexture* EmissionOf(uint32_t material) const { return MapOf(material, TextureUse::kEmission); }
+  const SurfaceTexture* EmissionMapOf(uint32_t material) const {
+    return MapOf(material, TextureUse::kEmission);
+  }
   /// The texture that tints light on its way through the material; null: it has none.
   const SurfaceTexture* TintOf(uint32_t material) const {
     return materials_[material].tints ? MapOf(material, TextureUse::kDiffuse) : nullptr;

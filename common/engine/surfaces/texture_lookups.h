@@ -26,8 +26,8 @@ inline glm::vec3 EmissionOf(const SurfaceTexture& texture, const glm::vec4& texe
 struct TextureLookups {
   static constexpr int kLanes = RayPacket::kRays;
   uint64_t looked_up;  ///< lanes whose lookups are all complete
-  /// Lanes that see emission as a light is asked for it, not blurred: those of paths' rays that lights could
-  /// have chosen.
+  /// Lanes whose emission is looked up in level 0, as light rays do: lights could have chosen their path's
+  /// ray.
   uint64_t sharp_emission;
   // The cone of a pending ray, or of a ray that has hit. Source: Akenine-Moeller et al. 2021, ray cones.
   float cone_width[kLanes];   ///< at the ray's origin, then at its hit; scene units

@@ -224,7 +224,7 @@ def main():
     for light in scene["lights"]:
         make_light(light)
     make_camera(scene["camera"])
-    make_world(scene["sky"], str(at.with_name(f"{name}.hdr").absolute()) if scene["environment"] else None)
+    make_world(scene["sky"], str(at.with_name(f"{name}.sky.exr").absolute()) if scene["environment"] else None)
     set_options(scene, int(size), int(size), 1)
     bpy.ops.render.render()
     bpy.context.scene.cycles.samples = int(samples)

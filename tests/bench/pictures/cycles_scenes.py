@@ -16,7 +16,7 @@ class Picture:
     camera: dict
     lights: list = dataclasses.field(default_factory=list)
     sky: tuple = BLACK          # radiance; the eye sees it too
-    environment: bool = False   # whether photograph() lights it, too
+    environment: bool = False   # whether photograph() lights it, in place of the sky
     bounces: int = 16
     tolerance: float = 0.01     # relative, of a block
 

@@ -22,7 +22,7 @@ MapTexel TexelOfMap(const PacketWork& work, uint32_t lane, const PathLights& lig
   const PathPacket& path = *work.path;
   const PathLights::MapPlace at =
       lights.PlaceInMap(path.texel[lane], path.numbers.At(PathNumbers::kLightPlace, lane));
-  const SurfaceTexture& texture = *work.view.surfaces->EmissionOf(at.material);
+  const SurfaceTexture& texture = *work.view.surfaces->EmissionMapOf(at.material);
   const TexturePyramid& pyramid = work.view.surfaces->pyramid(texture);
   const BilinearTexels texels = BaseFootprint(pyramid, texture.binding, at.uv.x, at.uv.y).levels[0];
   const glm::vec2 aside = AsideOfTexel(work, lane);

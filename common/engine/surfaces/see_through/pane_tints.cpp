@@ -2,6 +2,7 @@
 
 #include "common/engine/rays/lanes.h"
 #include "common/engine/surfaces/see_through/tint_packet.h"
+#include "common/engine/surfaces/shown_parts.h"
 
 namespace quarry {
 namespace {
@@ -12,8 +13,15 @@ bool SeeMaterial(const PacketWork& work, uint32_t lane, HotBlockOfLane& hot) {
   const ResidentBlock* block = hot(lane);
   if (!block) return false;
   tints.material[lane] = block->hot.materials[work.rays.local[lane]];
+  const uint32_t material = tints.material[lane];
+  const SceneSurfaces& surfaces = *work.view.surfaces;
+  // Such panes stop light.
+  const bool stops =
+      (work.view.colors_parts &&
+       work.view.shown->selection().ColorOf(block->hot.part(work.rays.local[lane]))) ||
+      (work.path && (surfaces.HidesPanes(material) || work.view.catalog.materials[material].ior > 1));
   const bool has_uv = work.view.catalog.Has(BlockKey::Shading(work.rays.voxel[lane]));
-  const bool is_tinted = has_uv && work.view.surfaces->TintOf(tints.material[lane]);
+  const bool is_tinted = !stops && has_uv && surfaces.TintOf(material);
   tints.texels[lane] = is_tinted ? TintPacket::kWantsUv : TintPacket::kPlain;
   return true;
 }

@@ -6,7 +6,7 @@
 
 namespace quarry {
 
-/// The light rays of `lanes` have hit something new: LookUpTints() begins anew. Before kTint.
+/// Resets the lookups of `lanes` after a new hit. Call it before stage kTint.
 void BeginTints(PacketWork& work, uint64_t lanes);
 
 /// Looks up the textures that tint the light rays of `lanes` at the panes that they have hit, from texels

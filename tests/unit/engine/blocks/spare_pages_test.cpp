@@ -51,7 +51,7 @@ TEST_CASE("Spare pages stay within their limit, but for the last") {
   spare.Trim();
   CHECK(spare.bytes() == 0);
   Keep(spare, 2);
-  spare.LetGo();
+  spare.Clear();
   CHECK(spare.bytes() == 0);
   CHECK_FALSE(spare.Take(1).has_value());
 }

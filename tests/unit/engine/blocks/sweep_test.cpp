@@ -1,7 +1,10 @@
 #include "common/engine/blocks/sweep.h"
 
 #include <catch2/catch.hpp>
+#include <map>
 #include <memory>
+#include <optional>
+#include <random>
 #include <vector>
 
 #include "common/engine/blocks/voxel_cache.h"
@@ -57,6 +60,33 @@ TEST_CASE("A sweep visits one octant, then the next, and returns to passed voxel
   CHECK(sweep.Distance({Hot(2), up}) < sweep.Distance({BlockKey::Shading(2), up}));
   sweep.MoveTo({Hot(3), down_x});
   CHECK(sweep.Distance({Hot(1), up}) < sweep.Distance({Hot(0), down_x}));
+}
+
+TEST_CASE("The next block of a sweep is the wanted one at the least distance", "[sweep]") {
+  const VoxelOrder order(FourVoxels());
+  Sweep sweep(order);
+  std::map<BlockKey, OctantMask> wanted;
+  std::mt19937 random(5);
+  CHECK_FALSE(sweep.Next([](BlockKey) { return false; }).has_value());
+  for (int step = 0; step < 2000; ++step) {
+    const uint32_t voxel = random() % 4;
+    const BlockKey block = random() % 2 == 0 ? BlockKey::Hot(voxel) : BlockKey::Shading(voxel);
+    const auto octants = static_cast<OctantMask>(random() % 255 + 1);
+    OctantMask& known = wanted[block];
+    sweep.Add({block, static_cast<OctantMask>(octants & ~known)});
+    known |= octants;
+    const BlockKey skipped = random() % 3 == 0 ? Hot(random() % 4) : BlockKey::Page(0);
+    std::optional<BlockKey> nearest;
+    for (const auto& [other, mask] : wanted)
+      if (other != skipped &&
+          (!nearest || sweep.Distance({other, mask}) < sweep.Distance({*nearest, wanted[*nearest]})))
+        nearest = other;
+    REQUIRE(sweep.Next([&](BlockKey other) { return other == skipped; }) == nearest);
+    if (!nearest || random() % 2 == 0) continue;
+    sweep.MoveTo({*nearest, wanted[*nearest]});
+    sweep.Remove({*nearest, wanted[*nearest]});
+    wanted.erase(*nearest);
+  }
 }
 
 TEST_CASE("Blocks that do not fit the cache together are loaded one by one, in the sweep's order",
