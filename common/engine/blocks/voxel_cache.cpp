@@ -9,12 +9,13 @@
 namespace quarry {
 namespace {
 
-/// Memory of evicted blocks that a scarce cache keeps for the next ones. Trades room for blocks against
-/// mapping memory anew. A 32nd of 384 MiB holds about 100 blocks; nearly every new block then finds its size.
-/// A 32nd of less than 16 MiB would hold too few.
-uint64_t SpareBytesOf(uint64_t budget) {
+/// Memory of evicted blocks that the cache of a scene without room in it keeps for the next ones. Trades room
+/// for blocks against mapping memory anew. A 32nd of 384 MiB holds about 100 blocks; nearly every new block
+/// then finds its size. A 32nd of less than 16 MiB would hold too few.
+uint64_t SpareBytesOf(const Catalog& catalog, uint64_t budget) {
   constexpr uint64_t kLeast = 16 << 20, kShare = 32, kMost = 64 << 20;
-  return budget < kLeast ? 0 : std::min(budget / kShare, kMost);
+  if (budget < kLeast || catalog.DecodedBytes() <= budget) return 0;
+  return std::min(budget / kShare, kMost);
 }
 
 }  // namespace
@@ -53,7 +54,7 @@ std::vector<BlockKey> Mailbox::Take(bool wait) {
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
     : budget_(budget_bytes),
-      spare_bytes_(SpareBytesOf(budget_bytes)),
+      spare_bytes_(SpareBytesOf(catalog, budget_bytes)),
       spare_(spare_bytes_),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
@@ -223,7 +224,7 @@ bool VoxelCache::TryEvict(BlockKey block) {
 bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
   QUARRY_CHECK_LE(bytes, budget_);
-  const bool keeps_spare = scarce() && bytes <= budget_ - spare_bytes_;
+  const bool keeps_spare = bytes <= budget_ - spare_bytes_;
   while (used_ + bytes > budget_ - (keeps_spare ? spare_bytes_ : 0)) {
     if (EvictOne(evicted)) continue;
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the

@@ -56,8 +56,8 @@ class Mailbox {
 /// The cache of decoded blocks, voxels' and textures', with a limit in bytes. It evicts the least recently
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
-/// While it is scarce(), a cache with a limit of 16 MiB or more keeps a 32nd of it, 64 MiB at most, as memory
-/// of evicted blocks.
+/// Of a limit of 16 MiB or more, in which the scene has no room, a 32nd is memory of evicted blocks, 64 MiB
+/// at most.
 /// Units: bytes, decoded; a texture's page counts as PageRoom().
 /// Memory beyond the limit: 16 bytes a block of the scene and of its environments; 64 bytes for each wanted
 /// block and octant, at most one a waiting ray.
