@@ -28,7 +28,7 @@ class Engine {
   /// Bytes of open tiles: limit of a thread, part of the 4 MiB that a worker may take for each thread, and
   /// limit of all threads together beyond it, part of the worker's 24 MiB. Trades memory against loads of
   /// blocks. A tile takes 255 KiB, with bouncing rays 700 KiB; textures add 103 KiB and
-  /// 72 KiB with bouncing rays, those of panes 25 KiB, cut-outs 17 KiB, lines at edges 42 KiB. Chosen by
+  /// 72 KiB with bouncing rays, textured panes 25 KiB, cut-outs 17 KiB, lines at edges 42 KiB. Chosen by
   /// `tests/bench/pictures/voxel_chains`, frame 20: 117 loads; 181 with 3.5 MiB a thread and nothing shared.
   static constexpr size_t kOpenTileBytes = 3u << 20, kSharedTileBytes = 5u << 20;
   /// Called on a compute thread.

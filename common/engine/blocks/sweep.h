@@ -45,8 +45,9 @@ class VoxelOrder {
 /// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
 /// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
 /// ends, so each of their voxels is loaded once for all of them. A ray that goes on through a hole, when the
-/// page of its opacity has come, needs another pass. Not thread-safe. Memory: some 60 bytes a wanted block
-/// and octant. Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
+/// page of its opacity has come, needs another pass. Not thread-safe.
+/// Memory: 64 bytes for each wanted block and octant.
+/// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:
   explicit Sweep(const VoxelOrder& order) : order_(order) {}
@@ -60,7 +61,7 @@ class Sweep {
   void Add(const Stop& stop);
   /// The block is wanted for these octants no more.
   void Remove(const Stop& stop);
-  /// The wanted block that comes next, but for those that skips(block).
+  /// The wanted block that comes next. Blocks of which skips(block) is true are left out.
   template <class Skips>
   std::optional<BlockKey> Next(const Skips& skips) const {
     for (uint32_t turn = 0; turn <= kOctants; ++turn) {

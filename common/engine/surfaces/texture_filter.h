@@ -164,11 +164,12 @@ struct TexelReader {
   }
 };
 
-/// One texel of a page, as TexelReader reads it. For single ones: it finds the format out.
-inline glm::vec4 TexelAt(const TexelLayout& layout, const std::byte* page, uint32_t index) {
+/// Calls body(reader) with the TexelReader of the format. Returns: what it returns.
+template <class Body>
+inline auto WithReader(const TexelLayout& layout, Body&& body) {
   const auto with = [&]<uint32_t kChannels>() {
-    return layout.format == TexelFormat::kHalf ? TexelReader<kChannels, true>(layout)(page, index)
-                                               : TexelReader<kChannels, false>(layout)(page, index);
+    return layout.format == TexelFormat::kHalf ? body(TexelReader<kChannels, true>(layout))
+                                               : body(TexelReader<kChannels, false>(layout));
   };
   switch (layout.channels) {
     case 1:
@@ -180,6 +181,11 @@ inline glm::vec4 TexelAt(const TexelLayout& layout, const std::byte* page, uint3
     default:
       return with.template operator()<4>();
   }
+}
+
+/// One texel of a page. It finds the format out: for single texels.
+inline glm::vec4 TexelAt(const TexelLayout& layout, const std::byte* page, uint32_t index) {
+  return WithReader(layout, [&](const auto& texel_at) { return texel_at(page, index); });
 }
 
 /// Adds a texel, number `n` of its level, to the sum.
@@ -226,23 +232,9 @@ inline bool GoOnWith(const Reader& texel_at, const TexturePyramid& pyramid, cons
 template <LookupKind kKind, class Find>
 inline bool GoOnLookup(const TexturePyramid& pyramid, const FilterFootprint& footprint, Find&& find,
                        TextureLookup& lookup, BlockKey& missing) {
-  const auto with = [&]<uint32_t kChannels>() {
-    const TexelLayout& layout = pyramid.layout;
-    return layout.format == TexelFormat::kHalf ? GoOnWith<kKind>(TexelReader<kChannels, true>(layout),
-                                                                 pyramid, footprint, find, lookup, missing)
-                                               : GoOnWith<kKind>(TexelReader<kChannels, false>(layout),
-                                                                 pyramid, footprint, find, lookup, missing);
-  };
-  switch (pyramid.layout.channels) {
-    case 1:
-      return with.template operator()<1>();
-    case 2:
-      return with.template operator()<2>();
-    case 3:
-      return with.template operator()<3>();
-    default:
-      return with.template operator()<4>();
-  }
+  return WithReader(pyramid.layout, [&](const auto& texel_at) {
+    return GoOnWith<kKind>(texel_at, pyramid, footprint, find, lookup, missing);
+  });
 }
 
 }  // namespace quarry

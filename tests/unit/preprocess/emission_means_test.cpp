@@ -86,4 +86,37 @@ TEST_CASE("The mean of an emission map is that of the texels that a triangle cov
   is(file.MeanAt({0.1f, 0.3f}, 0.1f), bright, 1e-4f);
 }
 
+TEST_CASE("Texels below 0 and those that are no numbers add nothing to a mean", "[path]") {
+  const test::TemporaryFolder folder;
+  auto writer = StoreWriter::Continue(folder.file("out"), folder.file("part"), {});
+  REQUIRE(writer);
+  const uint16_t two = 0x4000, nothing = GENERATE(as<uint16_t>(), 0x7E00, 0xC000);  // NaN, and -2
+  const TexelLayout layout{2, 1, 1, TexelFormat::kHalf};
+  const TextureShape shape(2, 1);
+  Bytes texels;  // of level 0, then of its mean
+  for (const uint16_t value : {two, nothing, two}) {
+    texels.push_back(static_cast<std::byte>(value & 255));
+    texels.push_back(static_cast<std::byte>(value >> 8));
+  }
+  writer->BeginTexture("map", layout);
+  REQUIRE(shape.pages() == 1);
+  REQUIRE(writer->AddPage(0, EncodeTexturePage(shape, layout, 0, texels)));
+  Material screen;
+  screen.textures = {{TextureUse::kEmission, 0}};
+  Emitter left, right;
+  const auto place = [](Emitter& emitter, float s) {
+    emitter.uvs[0] = {s, 0.2f};
+    emitter.uvs[1] = {s + 0.3f, 0.2f};
+    emitter.uvs[2] = {s, 0.8f};
+  };
+  place(left, 0.1f);
+  place(right, 0.6f);
+  REQUIRE(writer->Flush());
+  const auto file = InputFile::Open(folder.file("part"));
+  REQUIRE(file);
+  EmissionMeans means(writer->textures(), *file);
+  CHECK(*means.Of(left, screen.textures[0]) == glm::vec3(2));
+  CHECK(*means.Of(right, screen.textures[0]) == glm::vec3(0));
+}
+
 }  // namespace quarry

@@ -112,6 +112,54 @@ TEST_CASE("Memory allocated beforehand is used first") {
   CHECK(f.cache.counters().bytes <= 3 * kPage + kBlock);
 }
 
+TEST_CASE("Where the scene has no room, memory of evicted blocks is a part of the limit") {
+  constexpr uint64_t kBudget = 16 << 20, kSpare = kBudget / 32;
+  Catalog catalog = test::CatalogOf(200, kBlock);
+  for (uint32_t v = 0; v < 200; ++v) catalog.voxels[v].blocks[0].decoded = 100000 + v % 20 * 8000;
+  catalog.voxels[199].blocks[0].decoded = kBudget;
+  REQUIRE(catalog.DecodedBytes() > kBudget);
+  VoxelCache cache(
+      catalog, kBudget, [] {}, [] {});
+  const auto load = [&](uint32_t voxel) {
+    const BlockKey block = BlockKey::Hot(voxel);
+    REQUIRE(cache.Reserve(block));
+    auto pages = cache.TakePages(catalog.block(block).decoded);
+    REQUIRE(pages);
+    auto resident = std::make_unique<ResidentBlock>();
+    resident->bytes = std::move(*pages);
+    CHECK(resident->bytes.bytes().size() == catalog.block(block).decoded);
+    for (std::byte& b : resident->bytes.bytes()) b = std::byte{1};
+    cache.Publish(block, std::move(resident));
+  };
+  for (uint32_t v = 0; v < 199; ++v) {
+    load(v);
+    CHECK(cache.counters().bytes <= kBudget - kSpare);
+  }
+  CHECK(cache.counters().evictions > 50);
+  load(199);  // it leaves no room for others, nor for spare memory
+  CHECK(cache.counters().bytes == kBudget);
+  load(0);
+  CHECK(cache.counters().bytes == catalog.voxels[0].blocks[0].decoded);
+}
+
+TEST_CASE("A cache with room for the scene evicts nothing") {
+  Catalog catalog = test::CatalogOf(100, kBlock);
+  for (VoxelEntry& voxel : catalog.voxels) voxel.blocks[0].decoded = 200000;
+  const uint64_t all = catalog.DecodedBytes();
+  REQUIRE(all > 16 << 20);
+  VoxelCache cache(
+      catalog, all, [] {}, [] {});
+  for (uint32_t v = 0; v < 100; ++v)
+    for (const BlockKey block : {BlockKey::Hot(v), BlockKey::Shading(v)}) {
+      REQUIRE(cache.Reserve(block));
+      auto resident = std::make_unique<ResidentBlock>();
+      resident->bytes = *cache.TakePages(catalog.block(block).decoded);
+      cache.Publish(block, std::move(resident));
+    }
+  CHECK(cache.counters().bytes == all);
+  CHECK(cache.counters().evictions == 0);
+}
+
 TEST_CASE("Pages are cut off in front") {
   PageBuffer all = *PageBuffer::TryGet(10000);
   const std::byte* const begin = all.bytes().data();
