@@ -25,6 +25,7 @@ std::optional<PageBuffer> PageBuffer::TryGet(size_t bytes) {
   buffer.data_ = Map(bytes, MAP_POPULATE);
   if (!buffer.data_) return {};
   buffer.size_ = bytes;
+  buffer.mapped_ = WholeMemoryPages(bytes);
   return buffer;
 }
 
@@ -33,6 +34,7 @@ std::optional<PageBuffer> PageBuffer::TryReserve(size_t bytes) {
   buffer.data_ = Map(bytes, 0);
   if (!buffer.data_) return {};
   buffer.size_ = bytes;
+  buffer.mapped_ = WholeMemoryPages(bytes);
   return buffer;
 }
 
@@ -40,28 +42,28 @@ PageBuffer::~PageBuffer() {
   if (home_)
     home_->Return(data_, size_);
   else if (data_)
-    ::munmap(data_, size_);
+    ::munmap(data_, mapped_);
 }
 
-bool PageBuffer::Resize(size_t bytes) {
+bool PageBuffer::Resize(size_t bytes, size_t most_slack) {
   if (home_) {
     if (WholeMemoryPages(bytes) != WholeMemoryPages(size_)) return false;
     size_ = bytes;
     return true;
   }
-  if (bytes == 0 || size_ == 0) {
+  if (bytes == 0 || !data_) {
     auto other = TryGet(bytes);
     if (!other) return false;
     *this = std::move(*other);
     return true;
   }
-  if (WholeMemoryPages(bytes) == WholeMemoryPages(size_)) {
-    size_ = bytes;
-    return true;
+  const size_t pages = WholeMemoryPages(bytes);
+  if (pages > mapped_ || mapped_ - pages > most_slack) {
+    void* memory = ::mremap(data_, mapped_, pages, MREMAP_MAYMOVE);
+    if (memory == MAP_FAILED) return false;
+    data_ = static_cast<std::byte*>(memory);
+    mapped_ = pages;
   }
-  void* memory = ::mremap(data_, WholeMemoryPages(size_), WholeMemoryPages(bytes), MREMAP_MAYMOVE);
-  if (memory == MAP_FAILED) return false;
-  data_ = static_cast<std::byte*>(memory);
   size_ = bytes;
   return true;
 }
@@ -72,8 +74,10 @@ PageBuffer PageBuffer::TakeFront(size_t bytes) {
   PageBuffer front;
   front.data_ = data_;
   front.size_ = bytes;
+  front.mapped_ = pages;
   size_ -= std::min(pages, size_);
-  data_ = size_ > 0 ? data_ + pages : nullptr;
+  mapped_ -= pages;
+  data_ = mapped_ > 0 ? data_ + pages : nullptr;
   return front;
 }
 

@@ -27,20 +27,27 @@ class PageBuffer {
   PageBuffer(PageBuffer&& other) noexcept
       : data_(std::exchange(other.data_, nullptr)),
         size_(std::exchange(other.size_, 0)),
+        mapped_(std::exchange(other.mapped_, 0)),
         home_(std::exchange(other.home_, nullptr)) {}
   PageBuffer& operator=(PageBuffer&& other) noexcept {
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
+    std::swap(mapped_, other.mapped_);
     std::swap(home_, other.home_);
     return *this;
   }
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
+  /// Bytes of its pages.
+  size_t mapped() const { return is_unit() ? WholeMemoryPages(size_) : mapped_; }
+  /// Bytes of pages beyond those that bytes() needs.
+  size_t slack() const { return mapped() - WholeMemoryPages(size_); }
   /// Changes the size; the address may change and the content is lost. Keeps the pages that both sizes need,
-  /// since getting a page costs about as much time as decoding into it.
+  /// since getting a page costs about as much time as decoding into it. A buffer whose slack is then at most
+  /// `most_slack` stays mapped as it is.
   /// Returns: false when the system has no memory, or a unit of slabs has another number of pages; nothing
   /// has changed then.
-  [[nodiscard]] bool Resize(size_t bytes);
+  [[nodiscard]] bool Resize(size_t bytes, size_t most_slack = 0);
   /// Cuts off the pages of the first `bytes` bytes. Requires: the buffer has as many pages, and is no unit.
   PageBuffer TakeFront(size_t bytes);
   bool is_unit() const { return home_ != nullptr; }
@@ -49,6 +56,7 @@ class PageBuffer {
   friend class PageSlabs;
   std::byte* data_ = nullptr;
   size_t size_ = 0;
+  size_t mapped_ = 0;  ///< in whole pages; of a unit not known
   PageSlabs* home_ = nullptr;
 };
 

@@ -6,16 +6,11 @@
 #include "common/base/check.h"
 
 namespace quarry {
-namespace {
-
-size_t Apart(size_t a, size_t b) { return a > b ? a - b : b - a; }
-
-}  // namespace
 
 void SparePages::Keep(PageBuffer buffer) {
   QUARRY_DCHECK(!buffer.is_unit());
   if (buffer.bytes().empty()) return;
-  bytes_ += WholeMemoryPages(buffer.bytes().size());
+  bytes_ += buffer.mapped();
   buffers_.push_back(std::move(buffer));
   TrimTo(1);
 }
@@ -23,22 +18,24 @@ void SparePages::Keep(PageBuffer buffer) {
 /// Lets the oldest buffers go while they are too many and more than `left`.
 void SparePages::TrimTo(size_t left) {
   while (bytes_ > most_bytes_ && buffers_.size() > left) {
-    bytes_ -= WholeMemoryPages(buffers_.front().bytes().size());
+    bytes_ -= buffers_.front().mapped();
     buffers_.erase(buffers_.begin());
   }
 }
 
-std::optional<PageBuffer> SparePages::Take(size_t bytes) {
+std::optional<PageBuffer> SparePages::Take(size_t bytes, size_t most_slack) {
   const size_t wanted = WholeMemoryPages(bytes);
-  const auto apart = [&](const PageBuffer& buffer) {
-    return Apart(WholeMemoryPages(buffer.bytes().size()), wanted);
+  const auto cost = [&](const PageBuffer& buffer) {
+    const size_t has = buffer.mapped();
+    const bool mapped_anew = has < wanted || has - wanted > most_slack;
+    return std::pair(mapped_anew, has > wanted ? has - wanted : wanted - has);
   };
-  const auto nearest = std::ranges::min_element(buffers_, {}, apart);
+  const auto nearest = std::ranges::min_element(buffers_, {}, cost);
   if (nearest == buffers_.end()) return {};
   PageBuffer taken = std::move(*nearest);
   buffers_.erase(nearest);
-  bytes_ -= WholeMemoryPages(taken.bytes().size());
-  if (!taken.Resize(bytes)) return {};
+  bytes_ -= taken.mapped();
+  if (!taken.Resize(bytes, most_slack)) return {};
   return taken;
 }
 

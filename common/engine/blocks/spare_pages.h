@@ -26,9 +26,10 @@ class SparePages {
     buffers_.clear();
     bytes_ = 0;
   }
-  /// A buffer of `bytes`: one that has as many pages, else the nearest one, mapped anew. Returns: nothing
-  /// when none is kept, or the system has no memory.
-  std::optional<PageBuffer> Take(size_t bytes);
+  /// A buffer of `bytes`: the one with the fewest pages that has enough of them, if its slack is at most
+  /// `most_slack`; else the nearest one, mapped anew. Returns: nothing when none is kept, or the system has
+  /// no memory.
+  std::optional<PageBuffer> Take(size_t bytes, size_t most_slack);
   uint64_t bytes() const { return bytes_; }
 
  private:

@@ -12,9 +12,9 @@ namespace {
 /// Memory of evicted blocks that the cache of a scene without room in it keeps for the next ones. Trades room
 /// for blocks against mapping memory anew. A 32nd of 384 MiB holds about 100 blocks; nearly every new block
 /// then finds its size. A 32nd of less than 16 MiB would hold too few.
-uint64_t SpareBytesOf(const Catalog& catalog, uint64_t budget) {
+uint64_t SpareBytesOf(uint64_t budget) {
   constexpr uint64_t kLeast = 16 << 20, kShare = 32, kMost = 64 << 20;
-  if (budget < kLeast || catalog.DecodedBytes() <= budget) return 0;
+  if (budget < kLeast) return 0;
   return std::min(budget / kShare, kMost);
 }
 
@@ -54,7 +54,8 @@ std::vector<BlockKey> Mailbox::Take(bool wait) {
 VoxelCache::VoxelCache(const Catalog& catalog, uint64_t budget_bytes, std::function<void()> on_want,
                        std::function<void()> on_space, std::function<void(BlockKey, bool)> on_change)
     : budget_(budget_bytes),
-      spare_bytes_(SpareBytesOf(catalog, budget_bytes)),
+      has_room_(catalog.DecodedBytes() <= budget_bytes),
+      spare_bytes_(has_room_ ? 0 : SpareBytesOf(budget_bytes)),
       spare_(spare_bytes_),
       on_want_(std::move(on_want)),
       on_space_(std::move(on_space)),
@@ -146,7 +147,7 @@ std::optional<BlockKey> VoxelCache::TurnToLoad() {
 
 std::optional<BlockKey> VoxelCache::NextToLoad() {
   const std::lock_guard lock(mutex_);
-  if (scarce()) {
+  if (!has_room_ || scarce()) {
     const auto next = NextInSweep(false);
     if (next) waiting_[*next].loading = true;
     return next;
@@ -210,6 +211,7 @@ bool VoxelCache::TryEvict(BlockKey block) {
   if (!slot.state.compare_exchange_strong(unpinned, 0)) return false;
   ResidentBlock* gone = slot.resident.exchange(nullptr);
   used_ -= RoomOf(block);
+  slack_ -= gone->bytes.slack();
   ++counters_.evictions;
   unused_ = PageBuffer();  // from now on each block takes the pages of an evicted block
   spare_unit_ = PageBuffer();
@@ -225,7 +227,7 @@ bool VoxelCache::MakeRoom(uint64_t bytes, std::vector<BlockKey>& evicted) {
   const std::lock_guard lock(mutex_);
   QUARRY_CHECK_LE(bytes, budget_);
   const bool keeps_spare = bytes <= budget_ - spare_bytes_;
-  while (used_ + bytes > budget_ - (keeps_spare ? spare_bytes_ : 0)) {
+  while (used_ + slack_ + bytes > budget_ - (keeps_spare ? spare_bytes_ : 0)) {
     if (EvictOne(evicted)) continue;
     // The flag is raised before the second look: an unpinning in between is either seen here or sees the
     // flag.
@@ -245,6 +247,12 @@ bool VoxelCache::Reserve(BlockKey block) {
   return has_room;
 }
 
+uint64_t VoxelCache::MostSlack(uint32_t decoded_bytes) const {
+  constexpr uint64_t kShare = 16;
+  const uint64_t taken = used_ + slack_ + spare_bytes_;
+  return taken < budget_ ? std::min(budget_ - taken, decoded_bytes / kShare) : 0;
+}
+
 std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes, bool small) {
   if (small) {
     spare_.Trim();
@@ -253,7 +261,8 @@ std::optional<PageBuffer> VoxelCache::TakePages(uint32_t decoded_bytes, bool sma
     return slabs_.Take(decoded_bytes, unused_);
   }
   spare_unit_ = PageBuffer();
-  if (auto spare = spare_.Take(decoded_bytes)) {
+  if (auto spare = spare_.Take(decoded_bytes, MostSlack(decoded_bytes))) {
+    slack_ += spare->slack();
     spare_.Trim();
     if (used_ > budget_ - spare_bytes_) spare_.Clear();  // the blocks leave no room for them
     return spare;

@@ -97,8 +97,9 @@ class VoxelCache {
   void Used(uint32_t blocks);
 
   // --- the loader's thread
-  /// Takes the wanted block to request next and marks it as loading. In a scarce cache it is the next of the
-  /// sweep, else the block with the greatest product of waiting rays and waiting time.
+  /// Takes the wanted block to request next and marks it as loading. Where the scene has no room, or the
+  /// cache is scarce, it is the next of the sweep: a block is then used by all that need it before it is
+  /// evicted. Else it is the block with the greatest product of waiting rays and waiting time.
   std::optional<BlockKey> NextToLoad();
   /// Takes the block that NextToPublish() waits for, if it is not loading yet, and marks it as loading.
   std::optional<BlockKey> TurnToLoad();
@@ -142,6 +143,8 @@ class VoxelCache {
   };
   /// The bytes that a block counts.
   uint64_t RoomOf(BlockKey block) const;
+  /// Pages beyond its size that a block may take, so that an evicted block's memory need not be mapped anew.
+  uint64_t MostSlack(uint32_t decoded_bytes) const;
   /// Evicts the block that was used last the longest ago, and appends it to `evicted`. Returns: false when
   /// all blocks are pinned.
   bool EvictOne(std::vector<BlockKey>& evicted);
@@ -152,7 +155,9 @@ class VoxelCache {
   /// The wanted block that the sweep comes to next. `loading_too`: blocks that are loading count too.
   std::optional<BlockKey> NextInSweep(bool loading_too) const;
 
-  const uint64_t budget_, spare_bytes_;
+  const uint64_t budget_;
+  const bool has_room_;  ///< for the whole scene
+  const uint64_t spare_bytes_;
   PageSlabs slabs_;        ///< outlives the blocks; the loader's
   SparePages spare_;       ///< of evicted blocks, until reused; the loader's
   PageBuffer spare_unit_;  ///< of the last evicted page of a texture, likewise
@@ -169,6 +174,7 @@ class VoxelCache {
   const VoxelOrder order_;
   Sweep sweep_{order_};
   std::vector<Resident> residents_;  ///< a heap, the least `used` first
+  uint64_t slack_ = 0;               ///< of the blocks' memory; the loader's
   uint64_t used_ = 0;                ///< written by the loader's thread, which may read it without the lock
   Counters counters_;
 };

@@ -115,7 +115,7 @@ TEST_CASE("Memory allocated beforehand is used first") {
 TEST_CASE("Where the scene has no room, memory of evicted blocks is a part of the limit") {
   constexpr uint64_t kBudget = 16 << 20, kSpare = kBudget / 32;
   Catalog catalog = test::CatalogOf(200, kBlock);
-  for (uint32_t v = 0; v < 200; ++v) catalog.voxels[v].blocks[0].decoded = 100000 + v % 20 * 8000;
+  for (uint32_t v = 0; v < 200; ++v) catalog.voxels[v].blocks[0].decoded = 100000 + v * 7919 % 97 * 1000;
   catalog.voxels[199].blocks[0].decoded = kBudget;
   REQUIRE(catalog.DecodedBytes() > kBudget);
   VoxelCache cache(
@@ -136,6 +136,19 @@ TEST_CASE("Where the scene has no room, memory of evicted blocks is a part of th
     CHECK(cache.counters().bytes <= kBudget - kSpare);
   }
   CHECK(cache.counters().evictions > 50);
+  uint64_t pages = 0, slack = 0;
+  for (uint32_t v = 0; v < 199; ++v) {
+    const BlockKey block = BlockKey::Hot(v);
+    const ResidentBlock* resident = cache.TryPin(block);
+    if (!resident) continue;
+    pages += resident->bytes.mapped();
+    slack += resident->bytes.slack();
+    CHECK(resident->bytes.slack() <= catalog.block(block).decoded / 16);
+    cache.Unpin(block);
+  }
+  CHECK(slack > 0);
+  CHECK(cache.counters().bytes + slack <= kBudget - kSpare);
+  CHECK(pages <= kBudget);
   load(199);  // it leaves no room for others, nor for spare memory
   CHECK(cache.counters().bytes == kBudget);
   load(0);
@@ -210,12 +223,23 @@ TEST_CASE("A request for a resident block is answered at once") {
   f.cache.Unpin(1_b);
 }
 
-TEST_CASE("Blocks that more rays wait for are loaded first") {
-  Fixture f(kBlock);
+TEST_CASE("Blocks that more rays wait for are loaded first where the scene has room") {
+  Fixture f(20 * kBlock);
   Mailbox a;
   f.cache.Want(1_b, &a, 1);
   f.cache.Want(2_b, &a, 1000000);
   CHECK(f.cache.NextToLoad() == 2_b);
+}
+
+TEST_CASE("Where the scene has no room, blocks are loaded in the sweep's order, the cache scarce or not") {
+  Fixture f(19 * kBlock);
+  Mailbox a;
+  f.cache.Want(BlockKey::Hot(5), &a, 1000000);
+  f.cache.Want(BlockKey::Hot(3), &a, 1);
+  CHECK_FALSE(f.cache.scarce());
+  CHECK(f.cache.NextToPublish().any);
+  CHECK(f.cache.NextToLoad() == BlockKey::Hot(3));
+  CHECK(f.cache.NextToLoad() == BlockKey::Hot(5));
 }
 
 TEST_CASE("Pinned blocks hold one pin a block") {
