@@ -14,8 +14,8 @@ constexpr size_t kMostPieces = 6;
 }  // namespace
 
 struct ImageReader::Impl {
-  Impl(const std::vector<TextureImage>& list, size_t first, ImageDecoding decoding)
-      : images(list), decoder(std::move(decoding)), thread([this, first] { Run(first); }) {}
+  Impl(const std::vector<TextureImage>& list, size_t first, const ImageDecoding& decoding)
+      : images(list), decoder(decoding), thread([this, first] { Run(first); }) {}
 
   void Run(size_t first) {
     for (size_t i = first; i < images.size(); ++i) {
