@@ -38,9 +38,9 @@ class PageBuffer {
   }
   ~PageBuffer();
   std::span<std::byte> bytes() const { return {data_, size_}; }
-  /// Bytes of its pages.
+  /// Bytes of all its pages.
   size_t mapped() const { return is_unit() ? WholeMemoryPages(size_) : mapped_; }
-  /// Bytes of pages beyond those that bytes() needs.
+  /// Bytes of the pages that bytes() does not reach.
   size_t slack() const { return mapped() - WholeMemoryPages(size_); }
   /// Changes the size; the address may change and the content is lost. Keeps the pages that both sizes need,
   /// since getting a page costs about as much time as decoding into it. A buffer whose slack is then at most

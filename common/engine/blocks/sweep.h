@@ -42,12 +42,12 @@ class VoxelOrder {
   std::array<std::vector<uint32_t>, kOctants> places_;
 };
 
-/// The order of loading while the cache is scarce: the wanted voxels in the order of one octant, then of the
-/// next octant with waiting rays. One pass carries all rays of an octant that wait at its beginning to their
-/// ends, so each of their voxels is loaded once for all of them. A ray that goes on through a hole, when the
-/// page of its opacity has come, needs another pass. Not thread-safe.
-/// Memory: 64 bytes for each wanted block and octant.
-/// Source: the elevator of disk schedulers (C-SCAN), here over the order of a kd-tree.
+/// The order of loading where the scene has no room in the cache, or the cache is scarce: the wanted voxels
+/// in the order of one octant, then of the next octant with waiting rays. One pass carries all rays of an
+/// octant that wait at its beginning to their ends, so each of their voxels is loaded once for all of them. A
+/// ray that goes on through a hole, when the page of its opacity has come, needs another pass. Not
+/// thread-safe. Memory: 64 bytes for each wanted block and octant. Source: the elevator of disk schedulers
+/// (C-SCAN), here over the order of a kd-tree.
 class Sweep {
  public:
   explicit Sweep(const VoxelOrder& order) : order_(order) {}

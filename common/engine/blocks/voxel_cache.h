@@ -57,7 +57,7 @@ class Mailbox {
 /// used block that is not pinned. A limit of the scene's largest block is enough to finish every image: an
 /// arriving block is pinned for all threads that wait for it, and is evicted only after all have used it.
 /// Of a limit of 16 MiB or more, in which the scene has no room, a 32nd is memory of evicted blocks, 64 MiB
-/// at most.
+/// at most. Pages of a block's memory that the block does not need count toward the limit too.
 /// Units: bytes, decoded; a texture's page counts as PageRoom().
 /// Memory beyond the limit: 16 bytes a block of the scene and of its environments; 64 bytes for each wanted
 /// block and octant, at most one a waiting ray.

@@ -86,7 +86,7 @@ TEST_CASE("The mean of an emission map is that of the texels that a triangle cov
   is(file.MeanAt({0.1f, 0.3f}, 0.1f), bright, 1e-4f);
 }
 
-TEST_CASE("Texels below 0 and those that are no numbers add nothing to a mean", "[path]") {
+TEST_CASE("Texels that are negative or no numbers are black to a mean", "[path]") {
   const test::TemporaryFolder folder;
   auto writer = StoreWriter::Continue(folder.file("out"), folder.file("part"), {});
   REQUIRE(writer);
